@@ -1,0 +1,1 @@
+"""A virtual sensorized object: known true drift, real wire, faults on demand."""

@@ -1,0 +1,1 @@
+"""The live side: links, capture, recording, dashboard and the `rotdrift` command."""
