@@ -1,0 +1,213 @@
+"""The device's uint32 microsecond clock without its wrap, with the host clock's help.
+
+The device clock wraps every 71.58 min. Counting decreases goes wrong with every reordered sample, every gap longer
+than a wrap and every reset, so each sample is placed on its own: the host clock predicts what an *instantly delivered*
+sample would read, and the sample is the latest reading of that value that is not beyond the prediction. It may be
+earlier than predicted, because samples arrive late, but hardly later, because nothing arrives before it is sent.
+
+What neither lateness nor the skew of the two clocks explains is not guessed at: it starts a new *segment* and is
+reported as a :class:`ClockStep`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US
+
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrapSettings:
+    """How far the device clock may seem to stray from the host's before it is called a step.
+
+    A sample is explained when it is at most ``max_ahead_s + max_skew_ppm * age`` ahead of the prediction, at most
+    ``max_latency_s + max_skew_ppm * age`` behind it, and at most ``max_reorder_s`` before the newest sample so far.
+    ``age`` is the host time since the reference, the last chunk that came with (nearly) the least delay so far: that is
+    the gap, or little more.
+    """
+
+    max_skew_ppm: float = 500.0
+    """Largest difference in rate of the two clocks; crystals stay below 200 ppm, so an hour's gap allows 1.8 s."""
+    max_ahead_s: float = 1.0
+    """How far a sample may be ahead of the prediction at no gap: a backlog that was there from the start and drains."""
+    max_latency_s: float = 60.0
+    """How late a sample may arrive: a stalled link that delivers afterwards what it kept."""
+    max_reorder_s: float = 0.5
+    """How far a sample may be before the newest one received: reordering, five samples at 10 Hz."""
+    settle_s: float = 5.0
+    """For so long after a segment's start, or after a gap beyond ``max_latency_s``, ``max_latency_s`` takes the place
+    of ``max_ahead_s``: the first chunks may all be late ..."""
+    settle_chunks: int = 20
+    """... and for at least so many chunks."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockStep:
+    """The device clock jumped: a reset, a step, or a host clock that stood still (suspend). A new segment begins."""
+
+    index: int
+    """Index in the chunk just fed of the first sample of the new segment."""
+    segment: int
+    """Number of the new segment."""
+    host_time_ns: int
+    """Arrival of the chunk, ns, monotonic."""
+    disagreement_us: int
+    """Device reading minus the host's prediction of it, modulo the wrap, in [-2**31, 2**31) us."""
+    gap_ns: int
+    """Host time since the previous chunk, ns."""
+
+
+class ClockUnwrapper:
+    """Unwraps ``device_time_us`` chunk by chunk; one for each object on a link.
+
+    Wrong only if the two clocks part by more than the stated bounds, or if a reset brings the clock, by chance, to
+    within these bounds of where it would have been; tell a known reset with :meth:`new_segment`.
+
+    Parameters
+    ----------
+    settings
+        The bounds.
+    """
+
+    def __init__(self, settings: UnwrapSettings | None = None) -> None:
+        self.settings = settings or UnwrapSettings()
+        self._segment = 0
+        self._steps: list[ClockStep] = []
+        self._has_reference = False
+        self._start_ns = 0  # host time of the chunk with which settling began
+        self._chunks = 0  # fed since then
+        self._last_ns = 0  # host time of the previous chunk
+        self._newest_us = 0  # newest unwrapped reading
+        self._delay_us = 0.0  # (host - device) of the reference, the least up to the skew allowed since
+        self._reference_ns = 0  # its host time
+
+    @property
+    def segment(self) -> int:
+        """Number of the present segment, from 0; unwrapped times compare only within one segment."""
+        return self._segment
+
+    @property
+    def newest_us(self) -> int | None:
+        """Newest unwrapped device time of this segment, us; None before its first sample."""
+        return self._newest_us if self._has_reference else None
+
+    def new_segment(self) -> int:
+        """Forget the reference: the object rebooted (another boot id) or the port was reopened.
+
+        Returns
+        -------
+        int
+            The number of the new segment; unchanged if the present one has no sample yet.
+        """
+        if self._has_reference:
+            self._has_reference = False
+            self._segment += 1
+        return self._segment
+
+    def take_steps(self) -> list[ClockStep]:
+        """Return the steps met since the last call, in order, and forget them."""
+        steps, self._steps = self._steps, []
+        return steps
+
+    def feed(self, device_time_us: npt.ArrayLike, host_time_ns: int) -> IntArray:
+        """Unwrap the samples of one chunk.
+
+        A segment's first reading is kept as it is, so it starts within [0, 2**32) us.
+
+        Parameters
+        ----------
+        device_time_us : (n,) uint32
+            Device clock of the samples in order of reception; n may be 0.
+        host_time_ns
+            Reception of the chunk, ``time.monotonic_ns()``.
+
+        Returns
+        -------
+        (n,) int64
+            Unwrapped device time, us. Where :meth:`take_steps` then names an index, a new segment starts there.
+
+        Raises
+        ------
+        ValueError
+            ``device_time_us`` is not one-dimensional.
+        """
+        ticks = np.asarray(device_time_us, dtype=np.int64)
+        if ticks.ndim != 1:
+            raise ValueError(f"device_time_us must be one-dimensional, not {ticks.shape}")
+        unwrapped = np.empty(len(ticks), dtype=np.int64)
+        start = 0
+        while start < len(ticks):
+            start += self._feed_segment(ticks[start:], host_time_ns, unwrapped[start:], start)
+        return unwrapped
+
+    def locate(self, device_time_us: int, host_time_ns: int) -> int | None:
+        """Unwrap one reading (EVENT, STATUS, TIME_REPLY) without taking it into account.
+
+        Parameters
+        ----------
+        device_time_us
+            Device clock, us; of a u64 uptime the low 32 bits are used.
+        host_time_ns
+            Its reception, ns, monotonic.
+
+        Returns
+        -------
+        int or None
+            Unwrapped device time in the present segment, us; None if no sample of this segment has come, or if the
+            reading does not belong to it.
+        """
+        if not self._has_reference:
+            return None
+        prediction_us, ahead_us, late_us = self._window(host_time_ns)
+        top_us = prediction_us + ahead_us
+        unwrapped_us = top_us - (top_us - device_time_us) % DEVICE_CLOCK_MODULUS_US
+        return unwrapped_us if unwrapped_us >= prediction_us - late_us else None
+
+    def _window(self, host_time_ns: int) -> tuple[int, int, int]:
+        """Return the prediction, and how far ahead of it and behind it a reading is explained, all us."""
+        settings = self.settings
+        skew_us = settings.max_skew_ppm * 1e-9 * max(0, host_time_ns - self._reference_ns)
+        late_us = int(1e6 * settings.max_latency_s + skew_us)
+        settled = self._chunks >= settings.settle_chunks and host_time_ns - self._start_ns >= 1e9 * settings.settle_s
+        ahead_us = int(1e6 * settings.max_ahead_s + skew_us) if settled else late_us
+        return int(1e-3 * host_time_ns - self._delay_us), ahead_us, late_us
+
+    def _feed_segment(self, ticks: IntArray, host_time_ns: int, out: IntArray, index: int) -> int:
+        """Unwrap ``ticks`` into ``out`` up to the first step; return how many belong to this segment (at least 1)."""
+        if not self._has_reference:
+            self._has_reference = True
+            self._chunks = 0
+            self._start_ns = self._last_ns = self._reference_ns = host_time_ns
+            self._newest_us = int(ticks[0])
+            self._delay_us = 1e-3 * host_time_ns - self._newest_us
+        elif host_time_ns - self._last_ns > 1e9 * self.settings.max_latency_s:
+            self._start_ns, self._chunks = host_time_ns, 0
+        prediction_us, ahead_us, late_us = self._window(host_time_ns)
+        top_us = prediction_us + ahead_us
+        np.subtract(top_us, (top_us - ticks) % DEVICE_CLOCK_MODULUS_US, out=out)
+        newest_us = np.maximum.accumulate(np.maximum(out, self._newest_us))
+        earliest_us = np.maximum(newest_us - int(1e6 * self.settings.max_reorder_s), prediction_us - late_us)
+        explained = out >= earliest_us
+        n = len(ticks) if explained.all() else int(np.argmin(explained))
+        if n:
+            self._newest_us = int(newest_us[n - 1])
+            delay_us = 1e-3 * host_time_ns - self._newest_us
+            skew_us = self.settings.max_skew_ppm * 1e-9 * max(0, host_time_ns - self._reference_ns)
+            if delay_us <= self._delay_us + skew_us:
+                self._delay_us, self._reference_ns = delay_us, host_time_ns
+        if n < len(ticks):
+            half = DEVICE_CLOCK_MODULUS_US // 2
+            disagreement_us = (int(ticks[n]) - prediction_us + half) % DEVICE_CLOCK_MODULUS_US - half
+            gap_ns = host_time_ns - self._last_ns
+            self.new_segment()
+            self._steps.append(ClockStep(index + n, self._segment, host_time_ns, disagreement_us, gap_ns))
+            # The rest is fed again; a first sample that steps at once still ends the old segment, so this ends.
+            return n or self._feed_segment(ticks, host_time_ns, out, index)
+        self._last_ns = max(self._last_ns, host_time_ns)
+        self._chunks += 1
+        return n
