@@ -1,8 +1,9 @@
 """Quaternion arithmetic in numpy: unit, scalar first, ``(..., 4)``, Hamilton product.
 
 An orientation maps body to world: v_W = q v_B q*. q and −q are the same rotation everywhere. Angles are radians in
-[0, π]. Scalar-last quaternions exist only in :func:`to_xyzw` and :func:`from_xyzw`, the border to scipy and to file
-formats. Long arrays are worked through in blocks that stay in the cache, which is where the speed comes from.
+[0, π]. Euler angles are in :mod:`analysis.euler_angles`. Scalar-last quaternions exist only in :func:`to_xyzw` and
+:func:`from_xyzw`, the border to scipy and to file formats. Long arrays are worked through in blocks that stay in the
+cache, which is where the speed comes from.
 
 Sources: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv:1711.02508 (Hamilton convention,
 exp, log); F. L. Markley et al., "Averaging quaternions", J. Guid. Control Dyn. 30(4), 2007 (:func:`average`).
@@ -331,63 +332,6 @@ def slerp(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLike) -> 
     """
     part = np.asarray(fraction, dtype=np.float64)[..., None]
     return multiply(exp(part * log(difference(end, start))), start)
-
-
-_AXES = {"x": 1, "y": 2, "z": 3}
-
-
-def from_euler(angles_rad: npt.ArrayLike, order: str, *, intrinsic: bool) -> FloatArray:
-    """Turn Euler angles into unit quaternions.
-
-    Parameters
-    ----------
-    angles_rad
-        (..., 3) rad, in the order of ``order``.
-    order
-        Three of x, y, z, e.g. ``"zyx"``; neighbours differ.
-    intrinsic
-        True: about the axes of the turning body (written Z-Y'-X''); false: about the fixed axes.
-
-    Returns
-    -------
-    (..., 4) unit, scalar first.
-
-    Raises
-    ------
-    ValueError
-        An order that is not one.
-    """
-    axes = order.lower()
-    if len(axes) != 3 or not set(axes) <= set("xyz") or axes[0] == axes[1] or axes[1] == axes[2]:
-        raise ValueError(f"Euler order {order!r} is not three axes like 'xyz' or 'zxz'")
-    angles = _vectors(angles_rad)
-    half = 0.5 * angles
-    result = IDENTITY
-    for position, axis in enumerate(axes):
-        turn = np.zeros((*angles.shape[:-1], 4))
-        turn[..., 0] = np.cos(half[..., position])
-        turn[..., _AXES[axis]] = np.sin(half[..., position])
-        result = multiply(result, turn) if intrinsic else multiply(turn, result)
-    return result
-
-
-def to_euler_zyx(q: npt.ArrayLike) -> FloatArray:
-    """Intrinsic z-y-x angles (azimuth, elevation, roll); reversed, they are the extrinsic x-y-z angles.
-
-    Parameters
-    ----------
-    q
-        (..., 4) unit, scalar first.
-
-    Returns
-    -------
-    (..., 3) rad; azimuth and roll in (−π, π], elevation in [−π/2, π/2]. At ±π/2 only azimuth ∓ roll is defined.
-    """
-    w, x, y, z = np.moveaxis(_quats(q), -1, 0)
-    azimuth = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    elevation = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    return np.stack((azimuth, elevation, roll), axis=-1)
 
 
 def to_matrix(q: npt.ArrayLike) -> FloatArray:

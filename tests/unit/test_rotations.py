@@ -72,29 +72,6 @@ def test_rotate_and_matrix_equal_scipy(pair):
     np.testing.assert_allclose(rotations.to_matrix(p), scipy_rotation(p).as_matrix(), atol=1e-12, rtol=0)
 
 
-@pytest.mark.parametrize("order", ["xyz", "zyx", "zxz", "yxz", "xzx"])
-@pytest.mark.parametrize("intrinsic", [True, False])
-def test_euler_equals_scipy(order, intrinsic):
-    angles = np.random.default_rng(5).uniform(-np.pi, np.pi, size=(200, 3))
-    expected = Rotation.from_euler(order.upper() if intrinsic else order, angles)
-    ours = rotations.from_euler(angles, order, intrinsic=intrinsic)
-    assert_same_rotation(ours, rotations.from_xyzw(expected.as_quat()))
-
-
-def test_euler_zyx_back_and_its_extrinsic_mirror():
-    angles = np.random.default_rng(6).uniform([-3, -1.5, -3], [3, 1.5, 3], size=(200, 3))
-    back = rotations.to_euler_zyx(rotations.from_euler(angles, "zyx", intrinsic=True))
-    np.testing.assert_allclose(back, angles, atol=1e-12)
-    mirrored = rotations.from_euler(angles[:, ::-1], "xyz", intrinsic=False)
-    np.testing.assert_allclose(rotations.to_euler_zyx(mirrored), angles, atol=1e-12)
-
-
-@pytest.mark.parametrize("order", ["xx", "xxy", "xyyz", "abc", ""])
-def test_euler_order_is_checked(order):
-    with pytest.raises(ValueError, match="Euler order"):
-        rotations.from_euler(np.zeros(3), order, intrinsic=True)
-
-
 @pytest.mark.parametrize("angle_rad", [0.0, 1e-150, 1e-12, 1.7e-8, 1e-4, 1.0, np.pi - 1e-9, np.pi])
 def test_log_exp_angle_keep_relative_precision(angle_rad):
     axis = np.array([0.6, -0.48, 0.64])
