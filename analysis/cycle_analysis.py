@@ -1,0 +1,145 @@
+"""What the search for cycles takes and gives: settings, end points, runs, and the reasons for every choice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from analysis.series import FloatArray
+
+
+@dataclass(frozen=True)
+class CycleSettings:
+    """Numbers the search works with; the same for every recording. Lengths of time are shares of the period."""
+
+    rate_hz: float = 100.0
+    """Rate of the even grid, 1/s."""
+    sigma_s: float = 0.04
+    """Gaussian smoothing of the orientation, s. End points themselves are averaged from unsmoothed samples."""
+    moving_share: float = 0.15
+    """The object moves where its speed is above this share of its working speed."""
+    min_period_s: float = 0.4
+    """Shortest period looked for, s."""
+    max_period_s: float = 120.0
+    """Longest period looked for, s."""
+    peak_share: float = 0.8
+    """The period is the first peak of the autocorrelation above this share of the largest."""
+    min_confidence: float = 0.3
+    """Autocorrelation at the period below which there is no claim."""
+    sure_confidence: float = 0.5
+    """Autocorrelation at the period below which there is a warning."""
+    axis_sigma: float = 1.5
+    """Gaussian window of the motion axis, periods."""
+    min_axis_share: float = 0.6
+    """Share of the motion about one axis below which the axis is called ambiguous."""
+    min_swing_deg: float = 0.5
+    """Range of motion below which there is no claim, deg."""
+    hysteresis: float = 0.4
+    """A turning point counts when the angle travels this share of the range of motion on both sides."""
+    spacing: tuple[float, float] = (0.7, 1.35)
+    """Distance between end points that makes a regular cycle, periods."""
+    swing: tuple[float, float] = (0.6, 1.6)
+    """Travel to and from an end point that makes a regular cycle, shares of the range of motion."""
+    pause: float = 1.6
+    """A longer distance between end points splits the trial into runs, periods."""
+    dwell_depth: float = 0.1
+    """An end point is the middle of the stretch this near to the extreme, share of the range of motion."""
+    average: float = 0.015
+    """Samples this near to the end point are averaged, with weights falling linearly to 0, periods."""
+    max_gap: float = 0.05
+    """An end point between samples further apart than this is refused, periods."""
+    max_irregularity: float = 0.35
+    """Relative spread of spacing and swings above which the motion repeats nothing, and there is no claim."""
+    max_advance: float = 0.6
+    """Net turn per cycle as a share of the range of motion above which the motion is one-way."""
+    min_endpoints: int = 3
+    """Fewer end points than this make no score."""
+
+
+@dataclass(frozen=True, eq=False)
+class Endpoint:
+    """One end point: the same phase of every cycle."""
+
+    time_s: float
+    """Middle of the dwell, s, in the time of the series."""
+    index: int
+    """Nearest sample as its source names it: data row or sequence number."""
+    quat_wxyz: FloatArray
+    """(4,) orientation, unit, scalar first, scalar part ≥ 0: average of the samples around ``time_s``."""
+    dwell_s: float
+    """How long the object stays near the extreme, s."""
+    prominence_deg: float
+    """Travel about the motion axis to the extreme or away from it, whichever is less, deg."""
+    flags: tuple[str, ...] = ()
+    """What is odd about it: ``odd spacing``, ``odd swing``, ``pose jump``, ``long dwell``, ``gap nearby``."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A turning point that is no end point, and why."""
+
+    time_s: float
+    """Where, s."""
+    reason: str
+    """Why, for people."""
+    primary: bool
+    """Whether it belongs to the extreme that is scored."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """End points of one extreme without a pause between them."""
+
+    endpoints: tuple[Endpoint, ...]
+    """In time order, at least one."""
+    scored: bool
+    """The longest run of the primary extreme is the one that is scored."""
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first end point, s."""
+        return self.endpoints[0].time_s
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last end point, s."""
+        return self.endpoints[-1].time_s
+
+
+@dataclass(frozen=True, eq=False)
+class CycleAnalysis:
+    """Cycles of a recording, or the reasons why there are none to score."""
+
+    valid: bool
+    """Whether the end points may be scored."""
+    reasons: tuple[str, ...]
+    """Why not, for people; empty where valid."""
+    warnings: tuple[str, ...]
+    """What to keep in mind, for people."""
+    settings: CycleSettings
+    """What it was made with."""
+    window: tuple[float, float] | None
+    """The window asked for, s; None means found automatically."""
+    period_s: float = float("nan")
+    """Median distance between end points; where there are none, the lag of the autocorrelation, s."""
+    period_confidence: float = 0.0
+    """Normalised autocorrelation at the period, −1 to 1."""
+    axis: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
+    """(3,) mean motion axis, world frame, unit, largest component positive."""
+    axis_share: float = 0.0
+    """Share of the motion about the motion axis: 1 for one axis, 0.5 for circular motion."""
+    swing_deg: float = 0.0
+    """Range of motion about the motion axis, deg."""
+    active_s: tuple[float, float] | None = None
+    """First and last moment the object moves, s."""
+    endpoints: tuple[Endpoint, ...] = ()
+    """End points of the primary extreme in its longest run: what is scored, if ``valid``."""
+    other_endpoints: tuple[Endpoint, ...] = ()
+    """End points of the other extreme in its longest run."""
+    left_out: tuple[LeftOut, ...] = ()
+    """Turning points left out, with the reason."""
+    runs: tuple[Run, ...] = ()
+    """All runs of the primary extreme."""
+    humps: int = 1
+    """Turning points of one kind per cycle; above 1 the cycles were found by a template."""

@@ -1,0 +1,93 @@
+"""Locking on to cycles of any shape: one cycle's angular velocity as a template."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.series import FloatArray, IntArray
+from analysis.turning_points import TurningPoints
+
+_MIN_LIKENESS = 0.3
+_MIN_ENERGY_SHARE = 0.1
+_ROUNDS = 3
+_SEARCH_PERIODS = 0.15
+
+
+def locked_cycles(omega: FloatArray, period: int) -> IntArray:
+    """Find the starts of the cycles that look like the most typical one.
+
+    The template begins as the cycle most like the one after it and becomes the mean of all cycles found, three times.
+
+    Parameters
+    ----------
+    omega
+        (m, 3) angular velocity, rad/s.
+    period
+        Grid intervals per cycle, at most m / 2.
+
+    Returns
+    -------
+    (c,) grid intervals where cycles start, at least 0.6 periods apart.
+    """
+    from scipy import signal  # slow to import
+
+    m = len(omega)
+    if period < 4 or m < 2 * period:
+        return np.empty(0, dtype=np.int64)
+    power = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", omega, omega))))
+    energy = np.maximum(power[period:] - power[:-period], 1e-300)  # of the window starting at each interval
+    products = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", omega[period:], omega[:-period]))))
+    overlap = products[period:] - products[:-period]
+    likeness = overlap / np.sqrt(energy[: len(overlap)] * energy[period : period + len(overlap)])
+    likeness[energy[: len(overlap)] < _MIN_ENERGY_SHARE * np.median(energy)] = -1.0
+    seed = int(np.argmax(likeness))
+    template = omega[seed : seed + period]
+    starts = np.array([seed], dtype=np.int64)
+    for _ in range(_ROUNDS):
+        own = float(np.einsum("ij,ij->", template, template))
+        match = sum(signal.oaconvolve(omega[:, k], template[::-1, k], mode="valid") for k in range(3))
+        likeness = np.asarray(match, dtype=np.float64) / np.sqrt(energy * own)
+        likeness[energy < _MIN_ENERGY_SHARE * own] = -1.0
+        padded = np.concatenate(([-2.0], likeness, [-2.0]))
+        peaks, _ = signal.find_peaks(padded, height=_MIN_LIKENESS, distance=max(int(0.6 * period), 1))
+        if len(peaks) == 0:
+            break
+        starts = np.asarray(peaks, dtype=np.int64) - 1
+        template = np.mean([omega[start : start + period] for start in starts[:2000]], axis=0)
+    return starts
+
+
+def template_turning_points(angle: FloatArray, starts: IntArray, period: int) -> TurningPoints:
+    """One upper and one lower extreme per cycle, each always at the same phase.
+
+    The mean cycle, its drift taken out, says at which phase the highest and the lowest point lie; in every cycle the
+    extreme nearest to that phase is taken, however many humps there are.
+
+    Parameters
+    ----------
+    angle
+        (m + 1,) rotation about the motion axis at the grid points.
+    starts
+        (c,) starts of the cycles, grid points.
+    period
+        Grid intervals per cycle.
+    """
+    whole = starts[starts + period < len(angle)]
+    if len(whole) == 0:
+        return TurningPoints(np.empty(0, dtype=np.int64), np.empty(0, dtype=bool))
+    mean = np.mean([angle[start : start + period + 1] - angle[start] for start in whole[:2000]], axis=0)
+    mean -= np.linspace(mean[0], mean[-1], period + 1)
+    phases = {True: int(np.argmax(mean[:-1])), False: int(np.argmin(mean[:-1]))}
+    # The cut between cycles falls anywhere, so an extreme may lie one cycle before the first or after the last.
+    cycles = np.concatenate(([starts[0] - period], starts, [starts[-1] + period]))
+    reach = max(int(_SEARCH_PERIODS * period), 1)
+    found: dict[int, bool] = {}
+    for upper, phase in phases.items():
+        for target in (cycles + phase).tolist():
+            first, last = target - reach, target + reach + 1
+            if first < 0 or last > len(angle):
+                continue
+            window = angle[first:last]
+            found[first + int(np.argmax(window) if upper else np.argmin(window))] = upper
+    points = sorted(found)
+    return TurningPoints(np.array(points, dtype=np.int64), np.array([found[p] for p in points], dtype=bool))

@@ -1,0 +1,226 @@
+"""From turning points to end points: place, orientation, gates at the ends, runs."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis import rotations
+from analysis.angular_velocity import BoolArray
+from analysis.cycle_analysis import CycleSettings, Endpoint, LeftOut
+from analysis.series import FloatArray, IntArray
+from analysis.turning_points import TurningPoints, dwell, swings
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Usable samples of a recording: what end points are measured from."""
+
+    times_s: FloatArray
+    """(n,) strictly increasing, s."""
+    quats_wxyz: FloatArray
+    """(n, 4) unit, scalar first."""
+    index: IntArray
+    """(n,) names of the samples in their source."""
+    usual_step_s: float
+    """Median distance between samples, s."""
+
+    def bracket_s(self, time_s: float) -> float:
+        """Distance between the samples around a moment, s; infinite outside the data."""
+        right = int(np.searchsorted(self.times_s, time_s))
+        if right == 0 or right == len(self.times_s):
+            return 0.0 if time_s in (self.times_s[0], self.times_s[-1]) else float("inf")
+        return float(self.times_s[right] - self.times_s[right - 1])
+
+    def longest_step_s(self, start_s: float, end_s: float) -> float:
+        """Longest distance between neighbouring samples in a stretch, s."""
+        first = max(int(np.searchsorted(self.times_s, start_s)) - 1, 0)
+        last = int(np.searchsorted(self.times_s, end_s)) + 1
+        steps = np.diff(self.times_s[first:last])
+        return float(steps.max()) if len(steps) else float("inf")
+
+    def nearest(self, time_s: float) -> int:
+        """Name of the sample nearest to a moment."""
+        right = int(np.clip(np.searchsorted(self.times_s, time_s), 1, len(self.times_s) - 1))
+        nearer_left = time_s - self.times_s[right - 1] <= self.times_s[right] - time_s
+        return int(self.index[right - 1 if nearer_left else right])
+
+    def orientation(self, time_s: float, reach_s: float) -> FloatArray:
+        """(4,) average of the samples around a moment, weights falling linearly to 0 at ``reach_s``.
+
+        At least the three nearest samples are used. The weights fall to 0, so that a moment that shifts by a
+        rounding error never takes in or loses a whole sample.
+        """
+        middle = int(np.searchsorted(self.times_s, time_s))
+        near = self.times_s[max(middle - 3, 0) : middle + 3]
+        third = np.sort(np.abs(near - time_s))[min(3, len(near) - 1)]
+        reach_s = max(reach_s, float(third))
+        first, last = np.searchsorted(self.times_s, (time_s - reach_s, time_s + reach_s), side="left")
+        rows = slice(int(first), max(int(last), int(first) + 1))
+        weights = np.maximum(1.0 - np.abs(self.times_s[rows] - time_s) / reach_s, 0.0)
+        return rotations.average(self.quats_wxyz[rows], weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """All extremes of one kind, in time order, measured."""
+
+    endpoints: tuple[Endpoint, ...]
+    """One per extreme, without flags."""
+    inner_swing: FloatArray
+    """(k, 2) travel before and after each, as a share of the range of motion."""
+    refused: tuple[LeftOut, ...]
+    """Extremes inside data gaps."""
+
+
+def measure(
+    samples: Samples,
+    found: TurningPoints,
+    angle: FloatArray,
+    grid_s: tuple[float, float],
+    swing_rad: float,
+    period_s: float,
+    settings: CycleSettings,
+    *,
+    upper: bool,
+) -> Extremes:
+    """Place every extreme of one kind in the middle of its dwell and take its orientation.
+
+    Parameters
+    ----------
+    samples
+        Where orientations come from.
+    found
+        Turning points of both kinds.
+    angle
+        (m + 1,) rotation about the motion axis, rad.
+    grid_s
+        Time of the first grid point and distance between grid points, s.
+    swing_rad
+        Range of motion, rad.
+    period_s
+        Length of a cycle, s.
+    settings
+        Depth of the dwell, width of the average, largest gap.
+    upper
+        Which kind.
+    """
+    start_s, step_s = grid_s
+    before, after = swings(found, angle)
+    bounds = np.concatenate(([0], found.points, [len(angle) - 1]))
+    max_gap_s = max(settings.max_gap * period_s, 3.0 * samples.usual_step_s)
+    kept: list[Endpoint] = []
+    travel: list[tuple[float, float]] = []
+    refused: list[LeftOut] = []
+    for k in np.flatnonzero(found.upper == upper).tolist():
+        depth = settings.dwell_depth * min(swing_rad, float(before[k]), float(after[k]))
+        first, last = dwell(angle, int(found.points[k]), int(bounds[k]), int(bounds[k + 2]), depth)
+        time_s = start_s + 0.5 * (first + last) * step_s
+        gap_s = samples.bracket_s(time_s)
+        if gap_s > max_gap_s:
+            refused.append(LeftOut(time_s, f"inside a gap of {gap_s:.3g} s in the data", primary=False))
+            continue
+        stretch_s = samples.longest_step_s(start_s + first * step_s, start_s + last * step_s)
+        kept.append(
+            Endpoint(
+                time_s=time_s,
+                index=samples.nearest(time_s),
+                quat_wxyz=samples.orientation(time_s, settings.average * period_s),
+                dwell_s=(last - first) * step_s,
+                prominence_deg=float(np.degrees(min(before[k], after[k]))),
+                flags=("gap nearby",) if stretch_s > max_gap_s else (),
+            )
+        )
+        travel.append((float(before[k]) / swing_rad, float(after[k]) / swing_rad))
+    return Extremes(tuple(kept), np.array(travel).reshape(-1, 2), tuple(refused))
+
+
+def split_runs(extremes: Extremes, period_s: float, settings: CycleSettings) -> list[slice]:
+    """Stretches of extremes without a pause, in time order."""
+    times_s = np.array([point.time_s for point in extremes.endpoints])
+    cuts = 1 + np.flatnonzero(np.diff(times_s) > settings.pause * period_s)
+    edges = [0, *cuts.tolist(), len(times_s)]
+    return [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
+
+
+def gate_ends(extremes: Extremes, run: slice, period_s: float, settings: CycleSettings) -> tuple[slice, list[LeftOut]]:
+    """Leave out idle poses and irregular cycles at the two ends of a run; the inside is never touched.
+
+    Parameters
+    ----------
+    extremes
+        All extremes of one kind.
+    run
+        Which of them.
+    period_s
+        Length of a cycle, s.
+    settings
+        What is regular.
+
+    Returns
+    -------
+    run, left_out
+        What remains, and what was taken off with the reason.
+    """
+    first, last = run.start, run.stop
+    left_out: list[LeftOut] = []
+    usual_dwell_s = float(np.median([point.dwell_s for point in extremes.endpoints[run]]))
+    while last - first >= 2 and (why := _irregular(extremes, first, first + 1, period_s, usual_dwell_s, settings)):
+        left_out.append(LeftOut(extremes.endpoints[first].time_s, f"first cycle: {why}", primary=False))
+        first += 1
+    while last - first >= 2 and (why := _irregular(extremes, last - 1, last - 2, period_s, usual_dwell_s, settings)):
+        left_out.append(LeftOut(extremes.endpoints[last - 1].time_s, f"last cycle: {why}", primary=False))
+        last -= 1
+    return slice(first, last), left_out
+
+
+def _irregular(
+    extremes: Extremes, end: int, inner: int, period_s: float, usual_dwell_s: float, settings: CycleSettings
+) -> str:
+    """Why the extreme at an end of a run is no end point; empty where it is one."""
+    points = extremes.endpoints
+    spacing = abs(points[inner].time_s - points[end].time_s) / period_s
+    inward = float(extremes.inner_swing[end, 1 if inner > end else 0])
+    if points[end].dwell_s > 2.0 * usual_dwell_s + 0.25 * period_s:
+        return f"idle pose, held {points[end].dwell_s:.2f} s"
+    if not settings.spacing[0] <= spacing <= settings.spacing[1]:
+        return f"{spacing:.2f} periods from the next"
+    if not settings.swing[0] <= inward <= settings.swing[1]:
+        return f"swing of {inward:.2f} times the usual"
+    return ""
+
+
+def with_flags(extremes: Extremes, run: slice, period_s: float, settings: CycleSettings) -> tuple[Endpoint, ...]:
+    """Flag what is odd about the end points of a run; nothing is dropped."""
+    points = extremes.endpoints[run]
+    travel = extremes.inner_swing[run]
+    spacing = np.diff([point.time_s for point in points]) / period_s
+    odd_spacing = ~((spacing >= settings.spacing[0]) & (spacing <= settings.spacing[1]))
+    odd_swing = np.any((travel < settings.swing[0]) | (travel > settings.swing[1]), axis=1).tolist()
+    usual_dwell_s = float(np.median([point.dwell_s for point in points]))
+    jump = _pose_jumps(np.array([point.quat_wxyz for point in points]))
+    flagged = []
+    for k, point in enumerate(points):
+        flags = list(point.flags)
+        if k and odd_spacing[k - 1]:
+            flags.append("odd spacing")
+        if odd_swing[k]:
+            flags.append("odd swing")
+        if k and jump[k - 1]:
+            flags.append("pose jump")
+        if point.dwell_s > 2.0 * usual_dwell_s + 0.25 * period_s:
+            flags.append("long dwell")
+        flagged.append(replace(point, flags=tuple(flags)))
+    return tuple(flagged)
+
+
+def _pose_jumps(quats: FloatArray) -> BoolArray:
+    """(k − 1,) whether a step is far larger than the others: a slip."""
+    if len(quats) < 4:
+        return np.zeros(max(len(quats) - 1, 0), dtype=bool)
+    steps = rotations.distance(quats[1:], quats[:-1])
+    middle = float(np.median(steps))
+    spread = float(np.median(np.abs(steps - middle)))
+    return np.asarray(steps > middle + 6.0 * 1.4826 * spread + np.radians(0.1), dtype=np.bool_)

@@ -1,0 +1,87 @@
+"""The period of a motion from the autocorrelation of its angular velocity, taken as a vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.series import FloatArray
+
+
+@dataclass(frozen=True)
+class Period:
+    """A period and how sure it is."""
+
+    seconds: float
+    """Length of one cycle, s."""
+    confidence: float
+    """Normalised autocorrelation at that lag: 1 for cycles that repeat exactly, near 0 for none."""
+
+
+def vector_autocorrelation(omega: FloatArray, max_lag: int) -> FloatArray:
+    """A(k) = Σ ω_i · ω_{i+k} / √(Σ |ω_i|² Σ |ω_{i+k}|²), both sums over the overlap.
+
+    Parameters
+    ----------
+    omega
+        (m, 3).
+    max_lag
+        Largest lag wanted, below m.
+
+    Returns
+    -------
+    (max_lag + 1,) in [−1, 1], A(0) = 1; zeros where nothing moves.
+    """
+    from scipy import fft  # slow to import
+
+    m = len(omega)
+    size = fft.next_fast_len(m + max_lag + 1, real=True)
+    total = np.zeros(max_lag + 1)
+    for axis in range(3):
+        spectrum = fft.rfft(omega[:, axis], size)
+        total += fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: max_lag + 1]
+    energy = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", omega, omega))))
+    lags = np.arange(max_lag + 1)
+    norm = np.sqrt(energy[m - lags] * (energy[m] - energy[lags]))
+    tiny = 1e-12 * max(float(energy[m]), 1e-300)
+    return np.where(norm > tiny, total / np.maximum(norm, tiny), 0.0)
+
+
+def find_period(
+    omega: FloatArray, rate_hz: float, *, min_period_s: float, max_period_s: float, peak_share: float
+) -> Period | None:
+    """Find the first peak of the autocorrelation that comes near the largest one.
+
+    Parameters
+    ----------
+    omega
+        (m, 3) angular velocity while the object moves, rad/s.
+    rate_hz
+        Its rate.
+    min_period_s, max_period_s
+        Range searched; the upper end is also bounded by half the length.
+    peak_share
+        How near: a peak counts from this share of the largest.
+
+    Returns
+    -------
+    None where there is no peak above zero.
+    """
+    first = max(int(min_period_s * rate_hz), 1)
+    last = min(int(max_period_s * rate_hz), len(omega) // 2)
+    if last - first < 3:
+        return None
+    curve = vector_autocorrelation(omega, last)
+    middle = curve[1:-1]
+    peaks = 1 + np.flatnonzero((middle > curve[:-2]) & (middle >= curve[2:]) & (middle > 0.0))
+    # A steady turn has a curve near 1 everywhere, and ripples on it are no peaks: a period has a valley before it.
+    valley = np.minimum.accumulate(curve)
+    peaks = peaks[(peaks >= first) & (curve[peaks] - valley[peaks] > 0.1)]
+    if len(peaks) == 0:
+        return None
+    peak = int(peaks[np.argmax(curve[peaks] >= peak_share * curve[peaks].max())])
+    before, here, after = curve[peak - 1 : peak + 2]
+    bend = before - 2.0 * here + after
+    shift = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+    return Period((peak + float(shift)) / rate_hz, float(here))
