@@ -19,11 +19,51 @@ class AnalysisError(Exception):
 
     SeriesError           an orientation series is impossible: shape, NaN, norm, times going backwards
     ReaderError           a file is not what it should be: format, text in a number, no rows (names the line)
+    BaselineError         a static baseline cannot be measured (the object moved, too short) or its file is not one
     """
 
 
 class SeriesError(AnalysisError):
     """An orientation series that cannot be one; the message says which sample and why."""
+
+
+class ReaderError(AnalysisError):
+    """A file that cannot be read as orientations; one sentence with the line number and the mend."""
+
+
+class BaselineError(AnalysisError):
+    """A static baseline that cannot be one; the message says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class SetAside:
+    """Samples of the source that time does not allow in the series (a time stamp met twice, or one going backwards).
+
+    They can still be named as end points by their row.
+    """
+
+    times_s: FloatArray
+    """(k,) as found."""
+    quats_wxyz: FloatArray
+    """(k, 4) unit, scalar first, body to world."""
+    index: IntArray
+    """(k,) row or sequence number."""
+    positions_m: FloatArray | None = None
+    """(k, 3) where the source has them, m."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One sample of a recording, found by its name."""
+
+    time_s: float
+    """Recording's own time, s."""
+    index: int
+    """Row or sequence number."""
+    quat_wxyz: tuple[float, float, float, float]
+    """Unit, scalar first, body to world."""
+    position_m: tuple[float, float, float] | None
+    """World frame, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +92,12 @@ class OrientationSeries:
     """The convention the samples were read with, for people."""
     notes: tuple[str, ...] = field(default=())
     """What the reader met and did: rate assumed, duplicates dropped, gaps."""
+    warnings: tuple[str, ...] = field(default=())
+    """What makes the data doubtful, e.g. data that contradict the declared convention; go into every result."""
+    accelerations_mps2: FloatArray | None = None
+    """(n, 3) specific force in the body frame, m/s², where the source has it: shows where up is."""
+    set_aside: SetAside | None = None
+    """Samples left out because of their time stamps."""
 
     def __post_init__(self) -> None:
         times_s = np.ascontiguousarray(self.times_s, dtype=np.float64)
@@ -64,6 +110,8 @@ class OrientationSeries:
             )
         if self.positions_m is not None and np.shape(self.positions_m) != (n, 3):
             raise SeriesError(f"positions {np.shape(self.positions_m)} do not fit {n} samples")
+        if self.accelerations_mps2 is not None and np.shape(self.accelerations_mps2) != (n, 3):
+            raise SeriesError(f"accelerations {np.shape(self.accelerations_mps2)} do not fit {n} samples")
         if not np.isfinite(times_s).all():
             raise SeriesError(f"the time of sample {int(np.argmin(np.isfinite(times_s)))} is not a number")
         if n > 1 and not (np.diff(times_s) > 0).all():
@@ -82,3 +130,46 @@ class OrientationSeries:
 
     def __len__(self) -> int:
         return len(self.times_s)
+
+    @property
+    def duration_s(self) -> float:
+        """First to last sample, s."""
+        return float(self.times_s[-1] - self.times_s[0]) if len(self) else 0.0
+
+    @property
+    def interval_s(self) -> float:
+        """Usual interval between samples (the median), s; NaN with fewer than 2 samples."""
+        return float(np.median(np.diff(self.times_s))) if len(self) > 1 else float("nan")
+
+    def gaps(self, factor: float = 5.0) -> FloatArray:
+        """Find where samples are missing: intervals longer than ``factor`` times the usual one.
+
+        Returns
+        -------
+        (g, 2) time of the sample before and of the sample after each gap, s.
+        """
+        if len(self) < 2:
+            return np.empty((0, 2))
+        wide = np.flatnonzero(np.diff(self.times_s) > factor * self.interval_s)
+        return np.stack((self.times_s[wide], self.times_s[wide + 1]), axis=1)
+
+    def sample(self, index: int) -> Sample:
+        """Find one sample by its row or sequence number, also one that was set aside.
+
+        Raises
+        ------
+        SeriesError
+            No such sample in the recording.
+        """
+        for part in (self, self.set_aside):
+            if part is None:
+                continue
+            found = np.flatnonzero(part.index == index)
+            if len(found):
+                k = int(found[0])
+                w, x, y, z = (float(value) for value in part.quats_wxyz[k])
+                at = None if part.positions_m is None else part.positions_m[k]
+                position = None if at is None else (float(at[0]), float(at[1]), float(at[2]))
+                return Sample(float(part.times_s[k]), int(index), (w, x, y, z), position)
+        extent = f"{int(self.index[0])} to {int(self.index[-1])}" if len(self) else "no samples"
+        raise SeriesError(f"there is no {self.index_kind} {index} in the recording ({extent})")
