@@ -1,0 +1,103 @@
+"""Chunks in, packets out, counted: the same for live links and for recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Protocol
+
+from firmware_protocol.stream import StreamCounters, StreamDecoder, StreamItem
+from host.transports.chunks import AnyChunk, Chunk, FrameChunk
+
+COALESCED_BYTES = 65536
+COALESCED_NS = 250_000_000
+
+
+class PacketDecoder(Protocol):
+    """What turns the data of chunks into packets: one kind for bytes, one for CAN frames."""
+
+    def feed(self, data: bytes) -> list[StreamItem]:
+        """Take the data of one chunk; return what it completed, in wire order. Never raises on what came in."""
+
+    @property
+    def counters(self) -> StreamCounters:
+        """Snapshot of what was met so far."""
+
+
+class Link:
+    """Decodes the chunks of one object's link.
+
+    Parameters
+    ----------
+    decoder : PacketDecoder, optional
+        By default the one for the first chunk's kind.
+    """
+
+    def __init__(self, decoder: PacketDecoder | None = None) -> None:
+        self._decoder = decoder
+        self.n_bytes = 0
+        """Bytes received."""
+
+    @property
+    def counters(self) -> StreamCounters:
+        """Snapshot of what was met so far."""
+        return StreamCounters() if self._decoder is None else self._decoder.counters
+
+    @property
+    def damaged_frames(self) -> int:
+        """Frames that arrived but could not be used: each may have been a sample."""
+        counters = self.counters
+        return counters.crc_errors + counters.malformed
+
+    def feed(self, chunk: AnyChunk) -> list[StreamItem]:
+        """Decode one chunk; what it completed, in wire order."""
+        if self._decoder is None:
+            self._decoder = decoder_for(chunk)
+        self.n_bytes += len(chunk.data)
+        return self._decoder.feed(chunk.data)
+
+
+def decoder_for(chunk: AnyChunk) -> PacketDecoder:
+    """Make the decoder for a chunk's kind."""
+    if isinstance(chunk, FrameChunk):
+        raise NotImplementedError("CAN links are not there yet")
+    return StreamDecoder()
+
+
+def coalesced(
+    chunks: Iterable[AnyChunk], max_bytes: int = COALESCED_BYTES, max_span_ns: int = COALESCED_NS
+) -> Iterator[AnyChunk]:
+    """Join neighbouring chunks, for reading a recording fast.
+
+    A chunk of one sample costs as much as one of a hundred. The packets do not depend on how the bytes are cut; the
+    time of reception becomes that of the last chunk joined, which only a clock estimate would notice.
+
+    Parameters
+    ----------
+    chunks : iterable of AnyChunk
+        In order.
+    max_bytes : int
+        Longest result, unless a single chunk is longer.
+    max_span_ns : int
+        Longest time between the first and the last chunk joined.
+    """
+    kept: list[AnyChunk] = []
+    size = 0
+    for chunk in chunks:
+        if kept and (
+            size + len(chunk.data) > max_bytes
+            or chunk.host_time_ns - kept[0].host_time_ns > max_span_ns
+            or type(chunk) is not type(kept[0])
+        ):
+            yield _joined(kept)
+            kept, size = [], 0
+        kept.append(chunk)
+        size += len(chunk.data)
+    if kept:
+        yield _joined(kept)
+
+
+def _joined(chunks: list[AnyChunk]) -> AnyChunk:
+    if len(chunks) == 1:
+        return chunks[0]
+    kind = Chunk if isinstance(chunks[0], Chunk) else FrameChunk
+    return kind(b"".join(chunk.data for chunk in chunks), chunks[-1].host_time_ns)

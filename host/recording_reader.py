@@ -1,0 +1,235 @@
+"""Reading a recording back: whole, cut, or still being written.
+
+Only the records' frames (one byte of kind, eight of length) are walked; what nobody asked for is skipped without being
+parsed, so that an hour is read in seconds. A file that ends in the middle of a record is read up to there. Chunked
+files, as other MCAP tools write them from ours, are read as well.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata
+from mcap.records import Chunk as McapChunk
+from mcap.stream_reader import get_chunk_data_stream
+from mcap.writer import MCAP0_MAGIC
+
+from host import recording_format as fmt
+from host.errors import FileError
+from host.transports.chunks import AnyChunk
+
+MAX_RECORD_BYTES = 64 * 2**20
+"""A longer record is damage: ours have at most 64 KiB."""
+READ_BLOCK_BYTES = 4 * 2**20
+_FRAME = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQQ")
+_PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, KeyError)
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingHeader:
+    """What a recording says of itself."""
+
+    version: str
+    """Of rotdrift."""
+    link: str
+    """URI of the link."""
+    wall_time_ns: int
+    """Wall clock at the start, ns since 1970."""
+    monotonic_ns: int
+    """Monotonic clock at the same instant."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """How the capture was started."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedMessage:
+    """One message of a recording."""
+
+    topic: str
+    data: bytes
+    log_time_ns: int
+    """Wall clock, ns since 1970."""
+
+    def json(self) -> dict[str, Any]:
+        """Parse a message on one of the JSON topics."""
+        values: dict[str, Any] = json.loads(self.data)
+        return values
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file is an MCAP file; whose, :class:`RecordingReader` finds out."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC
+    except OSError:
+        return False
+
+
+class RecordingReader:
+    """A recording on disk.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    continuation : bytes
+        Records that belong after the end of the file, because the disk did not take them.
+
+    Raises
+    ------
+    FileError
+        Missing, empty, not MCAP, or not one of ours.
+    """
+
+    def __init__(self, path: Path, continuation: bytes = b"") -> None:
+        self.path = path
+        self.damage: list[str] = []
+        """What was wrong with the file; complete after the messages were read once."""
+        self._continuation = continuation
+        self._channels: dict[int, str] = {}
+        self.header = self._read_header()
+
+    def chunks(self, topic: str = fmt.RECEIVED) -> Iterator[AnyChunk]:
+        """Give what the link delivered, in order, each with its time of reception."""
+        for message in self.messages({topic}):
+            try:
+                yield fmt.decode_raw(message.data)
+            except fmt.DamagedMessageError as error:
+                self.damage.append(f"a record of {topic} is damaged ({error}) and left out")
+
+    def messages(self, topics: Iterable[str] | None = None) -> Iterator[RecordedMessage]:
+        """Give the messages on some topics (all without ``topics``), in the order of the file."""
+        wanted = None if topics is None else set(topics)
+        self.damage.clear()
+        with self._open() as file:
+            for kind, body in self._records(file):
+                if kind != Opcode.MESSAGE:
+                    self._note_channel(kind, body)
+                    continue
+                if len(body) < _MESSAGE.size:
+                    self.damage.append("a message shorter than its header is left out")
+                    continue
+                channel_id, _, log_time_ns, _ = _MESSAGE.unpack_from(body)
+                topic = self._channels.get(channel_id)
+                if topic is not None and (wanted is None or topic in wanted):
+                    yield RecordedMessage(topic, bytes(body[_MESSAGE.size :]), log_time_ns)
+
+    def _read_header(self) -> RecordingHeader:
+        with self._open() as file:
+            for kind, body in self._records(file):
+                self._note_channel(kind, body)
+                if kind == Opcode.METADATA:
+                    header = _parse_header(bytes(body))
+                    if header is not None:
+                        return header
+                if kind == Opcode.MESSAGE and fmt.RECEIVED not in self._channels.values():
+                    break
+        if fmt.RECEIVED in self._channels.values():
+            return RecordingHeader("", "", 0, 0)
+        raise FileError(
+            f"{self.path} is an MCAP file, but not a recording of rotdrift",
+            "score a bag with `rotdrift score`, replay only what `rotdrift capture` wrote",
+        )
+
+    def _open(self) -> IO[bytes]:
+        try:
+            file = self.path.open("rb")
+        except FileNotFoundError as error:
+            raise FileError(f"there is no file {self.path}", "check the path") from error
+        except OSError as error:
+            raise FileError(f"{self.path} cannot be read ({(error.strerror or str(error)).lower()})") from error
+        magic = file.read(len(MCAP0_MAGIC))
+        if magic != MCAP0_MAGIC:
+            file.close()
+            what = "is empty" if not magic else "is not a recording"
+            raise FileError(f"{self.path} {what}", "give the .mcap file that `rotdrift capture` wrote")
+        return file
+
+    def _note_channel(self, kind: int, body: memoryview) -> None:
+        if kind != Opcode.CHANNEL:
+            return
+        try:
+            channel = Channel.read(ReadDataStream(io.BytesIO(body)))
+        except _PARSE_ERRORS:
+            self.damage.append("a channel record is damaged")
+            return
+        self._channels[channel.id] = channel.topic
+
+    def _records(self, file: IO[bytes]) -> Iterator[tuple[int, memoryview]]:
+        """Walk the records up to the footer, the end, or the first impossible length."""
+        buffer = b""
+        continuation = self._continuation
+        while True:
+            block = file.read(READ_BLOCK_BYTES)
+            if not block:
+                block, continuation = continuation, b""
+            view = memoryview(buffer + block) if buffer else memoryview(block)
+            offset = 0
+            while len(view) - offset >= _FRAME.size:
+                kind, length = _FRAME.unpack_from(view, offset)
+                if length > MAX_RECORD_BYTES:
+                    self.damage.append("a record has an impossible length: the rest of the file is not read")
+                    return
+                end = offset + _FRAME.size + length
+                if end > len(view):
+                    break
+                body = view[offset + _FRAME.size : end]
+                offset = end
+                if kind in {Opcode.DATA_END, Opcode.FOOTER}:
+                    return
+                if kind == Opcode.CHUNK:
+                    yield from self._chunk_records(body)
+                else:
+                    yield kind, body
+            buffer = bytes(view[offset:])
+            if not block:
+                left = f", {len(buffer)} bytes of a last record are left out" if buffer else ""
+                self.damage.append(f"the recording was not closed: it is read up to where it ends{left}")
+                return
+
+    def _chunk_records(self, body: memoryview) -> Iterator[tuple[int, memoryview]]:
+        try:
+            chunk = McapChunk.read(ReadDataStream(io.BytesIO(body)))
+            if chunk.uncompressed_size > MAX_RECORD_BYTES:
+                raise ValueError("too large")
+            stream, _ = get_chunk_data_stream(chunk, validate_crc=True)
+            view = memoryview(stream.read(chunk.uncompressed_size))
+        except Exception as error:  # noqa: BLE001 - decompressors raise their own kinds
+            self.damage.append(f"a chunk is damaged ({type(error).__name__}) and left out")
+            return
+        offset = 0
+        while len(view) - offset >= _FRAME.size:
+            kind, length = _FRAME.unpack_from(view, offset)
+            end = offset + _FRAME.size + length
+            if end > len(view):
+                self.damage.append("a chunk ends within a record")
+                return
+            yield kind, view[offset + _FRAME.size : end]
+            offset = end
+
+
+def _parse_header(body: bytes) -> RecordingHeader | None:
+    try:
+        metadata = Metadata.read(ReadDataStream(io.BytesIO(body)))
+        values = metadata.metadata
+        if metadata.name != fmt.METADATA_NAME:
+            return None
+        return RecordingHeader(
+            version=values["version"],
+            link=values["link"],
+            wall_time_ns=int(values["wall_time_ns"]),
+            monotonic_ns=int(values["monotonic_ns"]),
+            settings=json.loads(values["settings"]),
+        )
+    except _PARSE_ERRORS:
+        return None

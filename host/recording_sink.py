@@ -1,0 +1,149 @@
+"""The file under a recording: what cannot be written now is kept in memory, bounded, and tried again."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+from host.errors import FileError
+
+MAX_KEPT_BYTES = 256 * 2**20
+"""Bytes kept in memory while the disk takes none: five hours at 200 Hz. Beyond it, what is lost is said."""
+RETRY_NS = 1_000_000_000
+
+
+class RecordingSink:
+    """A new file that is only ever appended to.
+
+    Python's own buffered writer raises on a full disk at a moment of its choosing and leaves open what it has kept.
+    Here nothing is lost silently: :meth:`write` never fails, :meth:`flush_pending` writes what it can, keeps the rest,
+    and says why in :attr:`problem`. Records go to the file whole and in order, so that when the disk has room again the
+    recording continues as if nothing had happened.
+
+    Parameters
+    ----------
+    path : Path
+        Must not exist; the folder is made.
+    max_kept_bytes : int
+        Bound of the memory.
+
+    Raises
+    ------
+    FileError
+        The file exists, or cannot be created here.
+    """
+
+    def __init__(self, path: Path, max_kept_bytes: int = MAX_KEPT_BYTES) -> None:
+        self.path = path
+        self.problem: str | None = None
+        self.closed = False
+        self.bytes_discarded = 0
+        self._max_kept_bytes = max_kept_bytes
+        self._pending = bytearray()
+        self._position = 0
+        self._retry_at_ns = 0
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
+        except FileExistsError as error:
+            if path.exists():
+                raise FileError(f"{path} exists already", "give another name with --out, or move it away") from error
+            raise FileError(f"{path.parent} is not a folder", "give another place with --out") from error
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise FileError(f"{path} cannot be created ({reason})", "give another place with --out") from error
+
+    @property
+    def bytes_on_disk(self) -> int:
+        """Bytes handed to the system so far."""
+        return self._position
+
+    @property
+    def pending(self) -> bytes:
+        """What the disk has not taken yet."""
+        return bytes(self._pending)
+
+    def tell(self) -> int:
+        """Where the next byte will stand."""
+        return self._position + len(self._pending)
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:
+        """Take one whole record (or several); never fails."""
+        if self.bytes_discarded or (self.problem and len(self._pending) + len(data) > self._max_kept_bytes):
+            # From here on everything is discarded: a later record without the earlier ones would look like a loss
+            # on the link.
+            self.bytes_discarded += len(data)
+        else:
+            self._pending += data
+        return len(data)
+
+    def flush(self) -> None:
+        """Hand everything to the system if it takes it."""
+        if not self.closed:
+            self.flush_pending()
+
+    def flush_pending(self, now_ns: int | None = None) -> bool:
+        """Hand everything to the system; on failure keep it and try again a second later.
+
+        Parameters
+        ----------
+        now_ns : int, optional
+            Monotonic time; without it a failing disk is tried at once.
+
+        Returns
+        -------
+        bool
+            Whether nothing is left in memory.
+        """
+        if now_ns is not None and self.problem and now_ns < self._retry_at_ns:
+            return False
+        try:
+            while self._pending:
+                written = os.write(self._descriptor, memoryview(self._pending)[: 4 * 2**20])
+                self._position += written
+                del self._pending[:written]
+        except OSError as error:
+            self.problem = _sentence(error)
+            if now_ns is not None:
+                self._retry_at_ns = now_ns + RETRY_NS
+            return False
+        self.problem = None
+        return True
+
+    def removed(self) -> bool:
+        """Whether the file was deleted or replaced under us; what is written then is in nobody's folder."""
+        try:
+            there = self.path.stat()
+        except OSError:
+            return True
+        here = os.fstat(self._descriptor)
+        return (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
+
+    def restore(self) -> bool:
+        """Write a deleted recording again from the still open file; never over another file."""
+        if not self.removed() or self.path.exists():
+            return False
+        try:
+            with self.path.open("xb") as copy:
+                offset = 0
+                while block := os.pread(self._descriptor, 2**20, offset):
+                    copy.write(block)
+                    offset += len(block)
+        except (OSError, AttributeError):
+            return False
+        return True
+
+    def close(self) -> None:
+        """Flush and close; what the disk does not take stays in :attr:`pending`."""
+        if self.closed:
+            return
+        self.flush_pending()
+        os.close(self._descriptor)
+        self.closed = True
+
+
+def _sentence(error: OSError) -> str:
+    if error.errno in {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}:
+        return "the disk is full"
+    return f"the file cannot be written ({(error.strerror or str(error)).lower()})"

@@ -1,0 +1,244 @@
+"""Packets in, orientation samples out: the one path for live capture, replay and scoring of a recording.
+
+The time axis is the device's own clock, unwrapped, in seconds since the first sample. The host clock only says how many
+times the device clock wrapped, and where a new segment lies after a reset. So a recording gives the very same samples
+as the capture that made it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.series import OrientationSeries
+from firmware_protocol.packets import Event, Info, OrientationBatch, Status
+from firmware_protocol.stream import StreamItem
+from host.clock import ClockUnwrapper
+from host.loss_ledger import LossLedger, LossReport
+from host.sequence_unwrap import SequenceUnwrapper
+
+IntArray = npt.NDArray[np.int64]
+FloatArray = npt.NDArray[np.float64]
+
+CONTINUES_WITHIN = 0.1
+"""After a step of the device clock the numbers count on if they fit the host's time to this share (or 64 samples)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampleBlock:
+    """n samples of one segment in wire order; none of them was here before."""
+
+    segment: int
+    """0, and one more after each reset of the device or step of its clock."""
+    sequence: IntArray
+    """(n,) unwrapped number within the segment."""
+    index: IntArray
+    """(n,) number within the whole capture: segments follow each other."""
+    time_s: FloatArray
+    """(n,) device time since the first sample of the capture, s."""
+    quats_wxyz: FloatArray
+    """(n, 4) unit quaternions, body to world."""
+    flags: npt.NDArray[np.uint8]
+    """(n,) bits of :class:`firmware_protocol.packets.OrientationFlag`."""
+    host_time_ns: int
+    """Reception of the chunk, monotonic."""
+
+    def __len__(self) -> int:
+        return len(self.sequence)
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentStart:
+    """Where a segment begins."""
+
+    segment: int
+    time_s: float
+    """On the time axis of the capture."""
+    host_time_ns: int
+    reason: str
+    """For people."""
+
+
+class SampleAssembler:
+    """Orders packets of one object into samples: unwraps time and number, drops repeated ones, keeps the ledger."""
+
+    def __init__(self) -> None:
+        self.ledger = LossLedger()
+        self.info: Info | None = None
+        """The object as it last introduced itself."""
+        self.status: Status | None = None
+        """Its last STATUS."""
+        self.segments: list[SegmentStart] = []
+        self._clock = ClockUnwrapper()
+        self._sequence = SequenceUnwrapper()
+        self._segment = -1
+        self._open_reason: str | None = "the capture began"
+        self._origin_us = 0  # device time of the segment's first sample
+        self._offset_s = 0.0  # where it lies on the time axis
+        self._origin_host_ns: int | None = None  # reception of the capture's first sample
+        self._newest_s = 0.0
+        self._newest_host_ns = 0
+        self._index_shift = 0
+        self._next_index = 0
+
+    def feed(self, items: Iterable[StreamItem], host_time_ns: int) -> list[SampleBlock]:
+        """Take the packets of one chunk in wire order; return the new samples.
+
+        Parameters
+        ----------
+        items : iterable of StreamItem
+            As the link decoded them; packets that are no samples are taken note of.
+        host_time_ns : int
+            Reception of the chunk, monotonic.
+        """
+        blocks: list[SampleBlock] = []
+        for item in items:
+            if isinstance(item, OrientationBatch):
+                blocks += self._feed_batch(item, host_time_ns)
+            elif isinstance(item, Info):
+                self._feed_info(item)
+            elif isinstance(item, Status):
+                self.status = item
+                self.ledger.status(item)
+        return blocks
+
+    def locate_s(self, event: Event, host_time_ns: int) -> float | None:
+        """Place an event on the time axis; None where no sample of its segment has come."""
+        located_us = self._clock.locate(event.device_time_us, host_time_ns)
+        if located_us is None or self._open_reason is not None:
+            return None
+        return self._offset_s + (located_us - self._origin_us) / 1e6
+
+    def losses(self, damaged_frames: int = 0) -> LossReport:
+        """Give the account so far; see :meth:`LossLedger.report`."""
+        return self.ledger.report(damaged_frames)
+
+    def _feed_info(self, info: Info) -> None:
+        if self.info is not None and info.boot_id != self.info.boot_id:
+            self._clock.new_segment()
+            self._begin_segment("the object was reset")
+        self.info = info
+
+    def _feed_batch(self, batch: OrientationBatch, host_time_ns: int) -> list[SampleBlock]:
+        if not len(batch):
+            return []
+        times_us = self._clock.feed(batch.device_time_us, host_time_ns)
+        cuts = [step.index for step in self._clock.take_steps()]
+        blocks = []
+        bounds = sorted({0, *cuts, len(batch)})
+        for start, end in pairwise(bounds):
+            if start in cuts:
+                self._clock_stepped(int(batch.sequence[start]), int(times_us[start]), host_time_ns)
+            block = self._feed_piece(batch, times_us, slice(start, end), host_time_ns)
+            if len(block):
+                blocks.append(block)
+        return blocks
+
+    def _clock_stepped(self, number: int, time_us: int, host_time_ns: int) -> None:
+        """Decide what a jump of the device clock was: a reset (numbers begin anew) or a step (they count on)."""
+        period_us = self._sequence.period_us
+        last = self._next_index - 1 - self._index_shift
+        if period_us is not None and self._open_reason is None:
+            expected = (host_time_ns - self._newest_host_ns) / 1e3 / period_us
+            change = (number - last) % 65536
+            if abs(change - expected) <= max(64.0, CONTINUES_WITHIN * expected):
+                self._sequence.rebase_time(int(time_us - change * period_us))
+                self._open_reason = "the device clock stepped"
+                return
+        self._begin_segment("the device clock began anew")
+
+    def _begin_segment(self, reason: str) -> None:
+        self.ledger.new_segment()
+        self._sequence.restart()
+        if self._open_reason is None:
+            self._open_reason = reason
+
+    def _feed_piece(self, batch: OrientationBatch, times_us: IntArray, piece: slice, host_time_ns: int) -> SampleBlock:
+        times_us = times_us[piece]
+        expected = self.ledger.expected_start()
+        if expected is not None:
+            self._sequence.restart(expected)
+        numbers = self._sequence.feed(batch.sequence[piece], times_us)
+        if self._open_reason is not None:
+            self._open_segment(int(times_us[0]), int(numbers[0]), host_time_ns)
+        keep = self.ledger.feed(numbers)
+        time_s = self._offset_s + (times_us - self._origin_us) / 1e6
+        self._newest_s = max(self._newest_s, float(time_s.max()))
+        self._newest_host_ns = host_time_ns
+        index = numbers + self._index_shift
+        self._next_index = max(self._next_index, int(index.max()) + 1)
+        block = SampleBlock(
+            segment=self._segment,
+            sequence=numbers,
+            index=index,
+            time_s=time_s,
+            quats_wxyz=batch.quats_wxyz[piece],
+            flags=batch.flags[piece],
+            host_time_ns=host_time_ns,
+        )
+        return block if keep.all() else _selected(block, keep)
+
+    def _open_segment(self, time_us: int, number: int, host_time_ns: int) -> None:
+        assert self._open_reason is not None
+        self._segment += 1
+        if self._origin_host_ns is None:
+            self._origin_host_ns = host_time_ns
+            self._offset_s, self._index_shift = 0.0, 0
+        else:
+            since_s = (host_time_ns - self._origin_host_ns) / 1e9
+            self._offset_s = max(since_s, self._newest_s + 1e-3)
+            if number + self._index_shift < self._next_index:
+                self._index_shift = self._next_index - number
+        self._origin_us = time_us
+        self.segments.append(SegmentStart(self._segment, self._offset_s, host_time_ns, self._open_reason))
+        self._open_reason = None
+
+
+def _selected(block: SampleBlock, keep: npt.NDArray[np.bool_]) -> SampleBlock:
+    return SampleBlock(
+        segment=block.segment,
+        sequence=block.sequence[keep],
+        index=block.index[keep],
+        time_s=block.time_s[keep],
+        quats_wxyz=block.quats_wxyz[keep],
+        flags=block.flags[keep],
+        host_time_ns=block.host_time_ns,
+    )
+
+
+def series_of(blocks: list[SampleBlock], source: str, notes: Iterable[str] = ()) -> OrientationSeries:
+    """Join blocks into one series, late samples put where they belong.
+
+    Parameters
+    ----------
+    blocks : list of SampleBlock
+        In wire order.
+    source : str
+        For people.
+    notes : iterable of str
+        What was met, for people.
+
+    Raises
+    ------
+    SeriesError
+        The samples cannot be a series.
+    """
+    notes = list(notes)
+    if not blocks:
+        empty = np.empty(0)
+        return OrientationSeries(empty, np.empty((0, 4)), np.empty(0, np.int64), "sequence", source=source)
+    index = np.concatenate([block.index for block in blocks])
+    time_s = np.concatenate([block.time_s for block in blocks])
+    quats = np.concatenate([block.quats_wxyz for block in blocks])
+    if len(index) > 1 and not (np.diff(index) > 0).all():
+        order = np.argsort(index, kind="stable")
+        index, time_s, quats = index[order], time_s[order], quats[order]
+    forward = time_s > np.concatenate(([-np.inf], np.maximum.accumulate(time_s)[:-1]))
+    if not forward.all():
+        notes.append(f"{int((~forward).sum())} samples whose device time did not increase were left out")
+        index, time_s, quats = index[forward], time_s[forward], quats[forward]
+    return OrientationSeries(time_s, quats, index, "sequence", source=source, notes=tuple(notes))

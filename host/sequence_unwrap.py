@@ -1,0 +1,93 @@
+"""The device's 16-bit sample numbers without their wrap, with the device clock's help."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from firmware_protocol.packets import SEQUENCE_MODULUS
+
+IntArray = npt.NDArray[np.int64]
+
+HALF = SEQUENCE_MODULUS // 2
+MAX_PERIOD_SAMPLES = 32
+"""Longest run over which the sample period is measured."""
+
+
+class SequenceUnwrapper:
+    """Counts samples over gaps of any length, as long as the device clock runs.
+
+    Between two samples the number's change is known modulo 65536. A gap of more than 32767 samples (33 s at 1 kHz) is
+    ambiguous by itself, so the number of wraps is taken from the time between the samples, divided by the sample period
+    that was measured on undisturbed neighbours. It is right while the product of gap and period error stays below 32768
+    samples: a day at 1 kHz for 300 ppm.
+    """
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._last_us = 0
+        self._period_us: float | None = None
+
+    @property
+    def period_us(self) -> float | None:
+        """Sample period as measured, us of the device clock; None before two neighbours came."""
+        return self._period_us
+
+    def restart(self, start: int | None = None) -> None:
+        """Forget the last sample: the device was reset.
+
+        Parameters
+        ----------
+        start : int, optional
+            Number of the next sample produced, as a STATUS told; the next number is read nearest to it.
+        """
+        self._last = None if start is None else start - 1
+        self._last_us = -1
+
+    def rebase_time(self, device_time_us: int) -> None:
+        """Say what the device clock would have read at the last sample, after the clock was stepped."""
+        self._last_us = device_time_us
+
+    def feed(self, sequence: npt.NDArray[np.uint16], device_time_us: IntArray) -> IntArray:
+        """Unwrap the numbers of n >= 1 samples in wire order.
+
+        Parameters
+        ----------
+        sequence : (n,) uint16
+            As received; repeated and late ones are welcome.
+        device_time_us : (n,) int64
+            Unwrapped device time.
+
+        Returns
+        -------
+        (n,) int64
+            Unwrapped numbers. The first ever is kept as it is, or read nearest to the ``start`` given.
+        """
+        numbers = sequence.astype(np.int64)
+        if self._last is None:
+            self._last, self._last_us = int(numbers[0]) - 1, -1
+        change = np.diff(numbers, prepend=self._last)
+        change = (change + HALF) % SEQUENCE_MODULUS - HALF
+        if self._period_us is not None and self._last_us >= 0:
+            elapsed_us = np.diff(device_time_us, prepend=self._last_us)
+            # Only a pause that could hold half a wrap is in doubt; the arithmetic is skipped for all others.
+            if elapsed_us.max() > HALF // 2 * self._period_us:
+                wraps = np.rint((elapsed_us / self._period_us - change) / SEQUENCE_MODULUS).astype(np.int64)
+                change += np.where(elapsed_us > HALF // 2 * self._period_us, wraps, 0) * SEQUENCE_MODULUS
+        unwrapped: IntArray = self._last + np.cumsum(change)
+        self._measure(unwrapped, device_time_us)
+        newest = int(np.argmax(unwrapped))
+        if unwrapped[newest] >= self._last or self._last_us < 0:
+            self._last, self._last_us = int(unwrapped[newest]), int(device_time_us[newest])
+        return unwrapped
+
+    def _measure(self, unwrapped: IntArray, device_time_us: IntArray) -> None:
+        """Learn the sample period: the median of what lies between undisturbed neighbours."""
+        numbers, times_us = unwrapped[-MAX_PERIOD_SAMPLES:], device_time_us[-MAX_PERIOD_SAMPLES:]
+        if self._last is not None and self._last_us >= 0 and len(numbers) == len(unwrapped):
+            numbers, times_us = np.append(self._last, numbers), np.append(self._last_us, times_us)
+        between_us = np.diff(times_us)[np.diff(numbers) == 1]
+        if len(between_us):
+            period_us = float(np.median(between_us))
+            if period_us > 0:
+                self._period_us = period_us

@@ -1,0 +1,43 @@
+"""Links as chunks: the only place of the host that meets drivers.
+
+A transport is found by the scheme of its URI and imported when it is opened, so that a missing driver of one kind never
+stands in the way of another. To add a kind of link, write a module with ``open_transport(uri: LinkUri) -> Transport``
+and name it in :data:`SCHEMES`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from typing import cast
+
+from host.errors import UsageError
+from host.link_uri import EXAMPLES, LinkUri, parse_link_uri
+from host.transports.chunks import AnyChunk, Chunk, FrameChunk, LinkEnd, Transport
+
+__all__ = ["SCHEMES", "AnyChunk", "Chunk", "FrameChunk", "LinkEnd", "Transport", "open_transport"]
+
+SCHEMES = {
+    "serial": "host.transports.serial_port",
+    "can": "host.transports.can_bus",
+    "replay": "host.transports.replay",
+}
+"""Scheme of the link URI -> module with ``open_transport(uri)``."""
+
+
+def open_transport(uri: LinkUri | str) -> Transport:
+    """Open the link a URI names.
+
+    Raises
+    ------
+    UsageError
+        There is no such kind of link.
+    LinkError, FileError
+        It cannot be opened; says why and what to do.
+    """
+    if isinstance(uri, str):
+        uri = parse_link_uri(uri)
+    module_name = SCHEMES.get(uri.scheme)
+    if module_name is None or importlib.util.find_spec(module_name) is None:
+        raise UsageError(f"there is no kind of link called {uri.scheme!r}", f"write it like one of {EXAMPLES}")
+    return cast(Transport, importlib.import_module(module_name).open_transport(uri))

@@ -1,0 +1,163 @@
+"""Every sample is accounted for, whatever the link does."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from firmware_protocol.packets import Status
+from host.loss_ledger import LossLedger
+from host.sequence_unwrap import SequenceUnwrapper
+
+
+def status(produced, dropped=0):
+    return Status(uptime_us=0, samples_produced=produced, samples_dropped=dropped)
+
+
+def entered(*runs):
+    ledger = LossLedger()
+    for run in runs:
+        if isinstance(run, Status):
+            ledger.status(run)
+        else:
+            ledger.feed(np.array(list(run), dtype=np.int64))
+    return ledger
+
+
+def parts(report):
+    return report.produced, report.received, report.lost, report.rejected, report.dropped
+
+
+def test_nothing_missing():
+    report = entered(range(10), range(10, 30)).report()
+    assert parts(report) == (30, 30, 0, 0, 0)
+    assert report.exact
+
+
+def test_gaps_are_lost_unless_the_device_says_it_dropped_them():
+    ledger = entered(range(10), status(10, 0), range(15, 20), range(22, 30))
+    assert parts(ledger.report()) == (30, 23, 7, 0, 0)
+    assert not ledger.report().exact
+    ledger.status(status(30, 5))
+    assert parts(ledger.report()) == (30, 23, 2, 0, 5)
+    assert ledger.report().exact
+
+
+def test_damaged_frames_explain_missing_samples_but_never_more():
+    ledger = entered(range(10), range(12, 20))
+    assert parts(ledger.report(damaged_frames=1)) == (20, 18, 1, 1, 0)
+    assert parts(ledger.report(damaged_frames=9)) == (20, 18, 0, 2, 0)
+
+
+def test_samples_lost_at_both_ends_are_known_from_status():
+    ledger = entered(status(100, 3), range(104, 110), status(115, 4))
+    assert parts(ledger.report()) == (15, 6, 8, 0, 1)
+    assert ledger.report().exact
+
+
+def test_drops_before_we_listened_are_not_ours():
+    ledger = entered(range(5000, 5100), status(5100, 777), range(5100, 5110), status(5112, 778))
+    assert parts(ledger.report()) == (112, 110, 1, 0, 1)
+
+
+def test_a_status_counts_beyond_the_16_bits_of_a_sample_number():
+    ledger = entered(range(10), status(70000 - 70000 % 65536 + 10), status(70000 - 70000 % 65536 + 10 + 40000))
+    assert ledger.report().produced == 40010
+
+
+def test_repeated_samples_are_refused_and_late_ones_fill_their_gap_once():
+    ledger = LossLedger()
+    assert ledger.feed(np.array([0, 1, 2, 5, 6])).tolist() == [True] * 5
+    assert ledger.feed(np.array([6, 4, 4, 7, 3, 1])).tolist() == [False, True, False, True, True, False]
+    report = ledger.report()
+    assert parts(report) == (8, 8, 0, 0, 0)
+    assert (report.duplicates, report.reordered) == (3, 2)
+
+
+def test_a_reset_opens_another_account():
+    ledger = entered(range(10), range(11, 20))
+    ledger.new_segment()
+    ledger.feed(np.arange(5))
+    report = ledger.report()
+    assert parts(report) == (25, 24, 1, 0, 0)
+    assert report.segments == 2
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.integers(0, 70000),
+    st.lists(st.sampled_from(["take", "lose", "drop", "damage", "repeat", "status"]), min_size=1, max_size=120),
+    st.integers(1, 9),
+)
+def test_the_account_is_what_happened(start, deeds, cut):
+    """A link model that knows what it does to each sample, against the ledger that sees only the result."""
+    produced, dropped, damaged, lost, received, repeated = start, 0, 0, 0, 0, 0
+    ledger = LossLedger()
+    ledger.status(status(start, 0))
+    run = []
+    for deed in [*deeds, "status"]:
+        if deed == "status":
+            if run:
+                for at in range(0, len(run), cut):
+                    ledger.feed(np.array(run[at : at + cut], dtype=np.int64))
+                run = []
+            ledger.status(status(produced, dropped))
+        elif deed == "repeat":
+            if run:
+                run.append(run[-1])
+                repeated += 1
+        else:
+            if deed == "take":
+                run.append(produced)
+                received += 1
+            dropped += deed == "drop"
+            damaged += deed == "damage"
+            lost += deed == "lose"
+            produced += 1
+    report = ledger.report(damaged)
+    assert report.produced == report.received + report.lost + report.rejected + report.dropped
+    assert report.duplicates == repeated
+    if received:
+        assert parts(report) == (produced - start, received, lost, damaged, dropped)
+        assert report.exact
+
+
+def test_wraps_are_counted_over_gaps_longer_than_a_wrap():
+    unwrapper = SequenceUnwrapper()
+    period_us = 1000
+    numbers = np.concatenate([np.arange(65000, 66000), np.arange(300_000, 300_100), [300_100 + 5 * 65536 + 40000]])
+    times_us = numbers * period_us
+    skewed_us = (times_us * (1 + 200e-6)).astype(np.int64)
+    got = []
+    for at in range(0, len(numbers), 37):
+        piece = slice(at, at + 37)
+        got.append(unwrapper.feed((numbers[piece] % 65536).astype(np.uint16), skewed_us[piece]))
+    np.testing.assert_array_equal(np.concatenate(got), numbers)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.integers(0, 65535),
+    st.lists(st.integers(1, 60), min_size=2, max_size=60),
+    st.lists(st.integers(-3, 3), min_size=60, max_size=60),
+    st.integers(1, 10),
+)
+def test_repeated_and_late_samples_do_not_move_the_count(start, gaps, shuffles, cut):
+    numbers = start + np.cumsum([0, 1, *gaps])
+    order = np.argsort(np.arange(len(numbers)) + np.array([0, 0, *shuffles[: len(numbers) - 2]]), kind="stable")
+    sent = numbers[order]
+    first_two = np.sort(sent[:2])
+    unwrapper = SequenceUnwrapper()
+    got = [unwrapper.feed((first_two % 65536).astype(np.uint16), first_two * 5000)]
+    for at in range(0, len(sent), cut):
+        piece = sent[at : at + cut]
+        got.append(unwrapper.feed((piece % 65536).astype(np.uint16), piece * 5000))
+    expected = np.concatenate([first_two, sent])
+    difference = np.concatenate(got) - expected
+    assert (difference == difference[0]).all()
+    assert difference[0] % 65536 == 0
+
+
+def test_a_known_start_anchors_the_first_number():
+    unwrapper = SequenceUnwrapper()
+    unwrapper.restart(start=131_072)
+    assert unwrapper.feed(np.array([3, 4], dtype=np.uint16), np.array([0, 1])).tolist() == [131_075, 131_076]

@@ -1,0 +1,82 @@
+"""The reading thread: hands over, never waits on a live link, tells how it ended."""
+
+import time
+
+import pytest
+
+from host.errors import LinkLostError
+from host.reader import ReaderThread
+from host.transports.chunks import Chunk
+from host.transports.memory import MemoryTransport
+
+
+def collect(reader, until, within_s=5.0):
+    chunks = []
+    deadline = time.monotonic() + within_s
+    while not until(chunks) and time.monotonic() < deadline:
+        chunks += reader.take(0.05)
+    return chunks
+
+
+def test_chunks_arrive_in_order_with_their_times():
+    sent = [Chunk(bytes([i]), 1000 + i) for i in range(50)]
+    reader = ReaderThread(MemoryTransport(sent, ends=True))
+    reader.start()
+    assert collect(reader, lambda _: reader.ended) == sent
+    assert reader.error is None
+    assert reader.stop()
+
+
+def test_a_lost_link_is_handed_over_after_the_data():
+    link = MemoryTransport([Chunk(b"a", 1)])
+    link.fail(LinkLostError("the cable is out"))
+    reader = ReaderThread(link)
+    reader.start()
+    assert b"".join(c.data for c in collect(reader, lambda _: reader.ended)) == b"a"
+    assert isinstance(reader.error, LinkLostError)
+    assert reader.stop()
+    assert link.closed
+
+
+def test_an_unforeseen_failure_of_a_driver_does_not_kill_the_thread_silently():
+    link = MemoryTransport()
+    link.fail(ZeroDivisionError("driver bug"))
+    reader = ReaderThread(link)
+    reader.start()
+    collect(reader, lambda _: reader.ended)
+    assert "ZeroDivisionError" in str(reader.error)
+    assert isinstance(reader.error.__cause__, ZeroDivisionError)
+    assert reader.stop()
+
+
+def test_on_a_live_link_a_full_queue_drops_and_counts():
+    link = MemoryTransport()
+    reader = ReaderThread(link, max_chunks=10)
+    for i in range(25):
+        link.deliver(Chunk(bytes([i]), i))
+    reader.start()
+    deadline = time.monotonic() + 5
+    while reader.overflow_chunks < 15 and time.monotonic() < deadline:
+        time.sleep(0.001)
+    assert reader.overflow_chunks == 15
+    assert [c.host_time_ns for c in reader.take(0)] == list(range(10))
+    assert reader.stop()
+
+
+def test_a_replay_waits_instead_of_dropping():
+    sent = [Chunk(b"x", i) for i in range(200)]
+    reader = ReaderThread(MemoryTransport(sent, ends=True), max_chunks=10)
+    reader.start()
+    assert collect(reader, lambda _: reader.ended) == sent
+    assert reader.overflow_chunks == 0
+    assert reader.stop()
+
+
+@pytest.mark.parametrize("waiting", [True, False])
+def test_it_stops_soon_even_while_nobody_takes(waiting):
+    sent = [Chunk(b"x", i) for i in range(200)] if waiting else []
+    reader = ReaderThread(MemoryTransport(sent, ends=waiting), max_chunks=10)
+    reader.start()
+    started = time.monotonic()
+    assert reader.stop()
+    assert time.monotonic() - started < 0.5

@@ -1,0 +1,325 @@
+"""Recordings: exact, never over another file, readable when cut, kept in memory when the disk is full."""
+
+import errno
+import os
+import sys
+
+import mcap.reader
+import mcap.stream_reader
+import mcap.writer
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from firmware_protocol.packets import Info, Status
+from host import recording_format as fmt
+from host.errors import FileError
+from host.recording import RecordingWriter
+from host.recording_reader import RecordingReader, is_recording
+from host.transports import open_transport
+from host.transports.chunks import Chunk, FrameChunk, LinkEnd
+from host.transports.replay import ReplayTransport
+
+WALL = 1_760_000_000_000_000_000
+MONO = 5_000_000_000_000
+
+
+def writer(path, **options):
+    return RecordingWriter(path, "serial:/dev/ttyACM0", WALL, MONO, {"cycles": 10}, **options)
+
+
+def chunks(n=20):
+    return [Chunk(bytes(range(i % 256)) + b"\x00", MONO + i * 1_000_000) for i in range(n)]
+
+
+@pytest.fixture
+def recording(tmp_path):
+    path = tmp_path / "trial.mcap"
+    with_writer = writer(path)
+    for chunk in chunks():
+        with_writer.add_received(chunk)
+        with_writer.add_orientations(
+            np.array([chunk.host_time_ns]), np.array([[0.5, 0.5, -0.5, 0.5]]), chunk.host_time_ns
+        )
+    with_writer.add_sent(b"\x00command\x00", MONO + 7)
+    with_writer.add_packet(fmt.INFO, Info(device_id=2**64 - 1, boot_id=3, name="cube \x1b[2J"), MONO + 8)
+    with_writer.add_packet(fmt.STATUS, Status(uptime_us=5), MONO + 9)
+    with_writer.add_note("warning", "the hand stopped", MONO + 10)
+    with_writer.close()
+    return path
+
+
+def test_chunks_come_back_exactly(recording):
+    reader = RecordingReader(recording)
+    assert list(reader.chunks()) == chunks()
+    assert list(reader.chunks(fmt.SENT)) == [Chunk(b"\x00command\x00", MONO + 7)]
+    assert reader.damage == []
+    header = reader.header
+    assert (header.link, header.wall_time_ns, header.monotonic_ns) == ("serial:/dev/ttyACM0", WALL, MONO)
+    assert header.settings == {"cycles": 10}
+
+
+def test_frames_of_a_can_link_come_back_as_frames(tmp_path):
+    sink = writer(tmp_path / "can.mcap")
+    sink.add_received(FrameChunk(b"CF packed", MONO))
+    sink.close()
+    assert list(RecordingReader(tmp_path / "can.mcap").chunks()) == [FrameChunk(b"CF packed", MONO)]
+
+
+def test_json_channels_are_strict_json(recording):
+    messages = {m.topic: m for m in RecordingReader(recording).messages([fmt.INFO, fmt.STATUS, fmt.NOTE])}
+    assert messages[fmt.INFO].json()["device_id"] == "ffffffffffffffff"
+    assert messages[fmt.STATUS].json()["temperature_c"] is None  # NaN is no JSON
+    assert messages[fmt.NOTE].json() == {"kind": "warning", "text": "the hand stopped"}
+    assert messages[fmt.NOTE].log_time_ns == WALL + 10
+
+
+def test_the_library_reads_it_by_index_with_valid_checksums(recording):
+    with recording.open("rb") as file:
+        records = list(mcap.stream_reader.StreamReader(file, validate_crcs=True).records)
+    assert records
+    with recording.open("rb") as file:
+        summary = mcap.reader.make_reader(file).get_summary()
+    topics = {
+        channel.topic: summary.statistics.channel_message_counts.get(i, 0) for i, channel in summary.channels.items()
+    }
+    assert topics[fmt.RECEIVED] == topics[fmt.ORIENTATION] == 20
+    assert min(summary.channels) == next(i for i, c in summary.channels.items() if c.topic == fmt.RECEIVED)
+
+
+def test_ros_reads_the_orientations_and_the_raw_chunks(recording):
+    typesys = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    store.register(typesys.get_types_from_msg(fmt.RAW_SCHEMA.decode(), fmt.RAW_SCHEMA_NAME))
+    reader = RecordingReader(recording)
+    quaternions = [
+        store.deserialize_cdr(m.data, fmt.QUATERNION_SCHEMA_NAME) for m in reader.messages([fmt.ORIENTATION])
+    ]
+    last = quaternions[-1]
+    assert (last.quaternion.x, last.quaternion.y, last.quaternion.z, last.quaternion.w) == (0.5, -0.5, 0.5, 0.5)
+    assert last.header.frame_id == "world"
+    assert last.header.stamp.sec * 10**9 + last.header.stamp.nanosec == WALL + 19_000_000
+    raw = [store.deserialize_cdr(m.data, fmt.RAW_SCHEMA_NAME) for m in reader.messages([fmt.RECEIVED])]
+    assert [(r.data.tobytes(), r.host_time_ns) for r in raw] == [(c.data, c.host_time_ns) for c in chunks()]
+
+
+def test_the_schemas_are_those_of_ros(recording):
+    typesys = pytest.importorskip("rosbags.typesys")
+    ours = typesys.get_types_from_msg(fmt.QUATERNION_SCHEMA.decode(), fmt.QUATERNION_SCHEMA_NAME)
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    for name, definition in ours.items():
+        assert [field[0] for field in store.fielddefs[name][1]] == [field[0] for field in definition[1]]
+
+
+def test_an_existing_file_is_never_touched(recording):
+    before = recording.read_bytes()
+    with pytest.raises(FileError, match=r"exists already.*--out"):
+        writer(recording)
+    assert recording.read_bytes() == before
+
+
+def test_a_folder_that_cannot_be_made_is_a_sentence(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(FileError, match="file"):
+        writer(tmp_path / "file" / "trial.mcap")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [(b"", "is empty"), (b"hello, this is text", "is not a recording"), (b"\x89MCA", "is not a recording")],
+)
+def test_what_is_no_recording_is_said(tmp_path, content, said):
+    path = tmp_path / "x.mcap"
+    path.write_bytes(content)
+    with pytest.raises(FileError, match=said):
+        RecordingReader(path)
+    assert not is_recording(path)
+
+
+def test_an_mcap_file_of_others_is_said(tmp_path):
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as file:
+        other = mcap.writer.Writer(file)
+        other.start()
+        other.add_message(other.register_channel("/imu", "cdr", 0), 0, b"x", 0)
+        other.finish()
+    with pytest.raises(FileError, match="not a recording of rotdrift"):
+        RecordingReader(path)
+    with pytest.raises(FileError, match="there is no file"):
+        RecordingReader(tmp_path / "nothing.mcap")
+
+
+def test_cut_anywhere_gives_a_prefix_and_says_so(recording, tmp_path):
+    whole = recording.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    start = whole.index(fmt.encode_raw(chunks()[0])[:16]) - 40
+    seen = set()
+    for end in range(start, len(whole) - 1, 97):
+        cut.write_bytes(whole[:end])
+        reader = RecordingReader(cut)
+        got = list(reader.chunks())
+        assert got == chunks()[: len(got)]
+        seen.add(len(got))
+        if len(got) < 20:
+            assert "was not closed" in reader.damage[0]
+    assert {0, 20} <= seen
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.data())
+def test_a_damaged_byte_never_gives_a_wrong_chunk(tmp_path_factory, data):
+    folder = tmp_path_factory.getbasetemp() / "damage"
+    folder.mkdir(exist_ok=True)
+    path = folder / "whole.mcap"
+    if not path.exists():
+        sink = writer(path)
+        for chunk in chunks():
+            sink.add_received(chunk)
+        sink.close()
+    content = bytearray(path.read_bytes())
+    at = data.draw(st.integers(0, len(content) - 1))
+    content[at] ^= data.draw(st.integers(1, 255))
+    hurt = folder / "hurt.mcap"
+    hurt.write_bytes(content)
+    try:
+        reader = RecordingReader(hurt)
+        got = list(reader.chunks())
+    except FileError:
+        return
+    known = chunks()
+    assert all(chunk in known for chunk in got)
+    assert len(got) >= 19 or reader.damage or at < 3000
+
+
+def test_a_file_rewritten_with_chunks_reads_the_same(recording, tmp_path):
+    path = tmp_path / "chunked.mcap"
+    with recording.open("rb") as source, path.open("wb") as target:
+        out = mcap.writer.Writer(target, chunk_size=500)
+        out.start()
+        ids = {}
+        for record in mcap.stream_reader.StreamReader(source).records:
+            if isinstance(record, mcap.records.Metadata):
+                out.add_metadata(record.name, record.metadata)
+            elif isinstance(record, mcap.records.Channel) and record.id not in ids:
+                ids[record.id] = out.register_channel(record.topic, record.message_encoding, 0)
+            elif isinstance(record, mcap.records.Message):
+                out.add_message(ids[record.channel_id], record.log_time, record.data, record.publish_time)
+        out.finish()
+    assert list(RecordingReader(path).chunks()) == chunks()
+
+
+class Disk:
+    """Stands for ``os.write`` on a disk with little room left."""
+
+    def __init__(self, room):
+        self.room = room
+
+    def __call__(self, descriptor, data):
+        if self.room <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        n = WRITE(descriptor, bytes(data)[: self.room])
+        self.room -= n
+        return n
+
+
+WRITE = os.write
+
+
+def test_a_full_disk_keeps_the_capture_in_memory_and_goes_on_when_there_is_room(tmp_path, monkeypatch):
+    path = tmp_path / "trial.mcap"
+    sink = writer(path)
+    disk = Disk(room=100)
+    monkeypatch.setattr(os, "write", disk)
+    for chunk in chunks(10):
+        sink.add_received(chunk)
+    sink.flush_if_due(MONO + 10**9)
+    assert "the disk is full" in sink.problem
+    assert "kept in memory" in sink.problem
+    disk.room = 10**9
+    sink.flush_if_due(MONO + 10**9 + 10**8)  # too early to try again
+    assert sink.problem
+    sink.flush_if_due(MONO + 3 * 10**9)
+    assert sink.problem is None
+    for chunk in chunks(20)[10:]:
+        sink.add_received(chunk)
+    sink.close()
+    assert list(RecordingReader(path).chunks()) == chunks()
+
+
+def test_what_the_disk_did_not_take_is_still_read_from_memory(tmp_path, monkeypatch):
+    path = tmp_path / "trial.mcap"
+    sink = writer(path)
+    monkeypatch.setattr(os, "write", Disk(room=333))
+    for chunk in chunks():
+        sink.add_received(chunk)
+    said = []
+    sink.close(said.append)
+    assert "the disk is full" in said[0]
+    assert list(RecordingReader(path, continuation=sink.unwritten).chunks()) == chunks()
+    cut = list(RecordingReader(path).chunks())
+    assert cut == chunks()[: len(cut)]
+    assert len(cut) < 20
+
+
+def test_the_memory_for_a_full_disk_is_bounded_and_what_is_lost_is_said(tmp_path, monkeypatch):
+    path = tmp_path / "trial.mcap"
+    sink = writer(path, max_kept_bytes=2000)
+    monkeypatch.setattr(os, "write", Disk(room=0))
+    for at, chunk in enumerate(chunks(200)):
+        sink.add_received(chunk)
+        sink.flush_if_due(MONO + at * 10**8)
+    assert len(sink.unwritten) <= 2000
+    assert "are lost" in sink.problem
+    monkeypatch.setattr(os, "write", WRITE)
+    sink.close()
+    got = list(RecordingReader(path).chunks())
+    assert got == chunks(200)[: len(got)]
+    assert got
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not let an open file be removed")
+def test_a_recording_removed_meanwhile_is_written_again(tmp_path):
+    path = tmp_path / "trial.mcap"
+    sink = writer(path)
+    for chunk in chunks():
+        sink.add_received(chunk)
+    sink.flush_if_due(MONO + 10**9)
+    path.unlink()
+    said = []
+    sink.close(said.append)
+    assert "removed meanwhile and written again" in said[0]
+    assert list(RecordingReader(path).chunks()) == chunks()
+
+
+def test_flushed_data_is_in_the_file_while_it_is_still_being_written(tmp_path):
+    path = tmp_path / "trial.mcap"
+    sink = writer(path)
+    for chunk in chunks():
+        sink.add_received(chunk)
+    sink.flush_if_due(MONO + 100_000_000)
+    assert list(RecordingReader(path).chunks()) == chunks()
+    sink.close()
+
+
+def test_a_replay_delivers_the_same_chunks_and_ends(recording):
+    with open_transport(f"replay:{recording}") as link:
+        assert not link.is_live
+        assert [link.read(0.1) for _ in range(20)] == chunks()
+        with pytest.raises(LinkEnd):
+            link.read(0.1)
+
+
+def test_a_paced_replay_waits_as_long_as_it_took(recording):
+    now = [0]
+
+    def sleep(seconds):
+        now[0] += round(seconds * 1e9)
+
+    link = ReplayTransport(recording, speed=0.5, now_ns=lambda: now[0], sleep=sleep)
+    got = []
+    while len(got) < 20:
+        chunk = link.read(0.0005)
+        if chunk is not None:
+            got.append(now[0])
+    assert got == pytest.approx([i * 2_000_000 for i in range(20)], abs=2000)
