@@ -1,0 +1,86 @@
+"""What all serial-like links share: framing, a small output buffer, and a place for faults on the framed bytes."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+from emulator.links import Link
+from firmware_protocol.serial_framing import FrameDecoder, encode_frame
+
+__all__ = ["ByteLink", "Tamper"]
+
+Tamper: TypeAlias = Callable[[bytes], bytes]
+"""One frame as it should be on the wire in, the bytes that really go out."""
+
+_TAKEN_AT_ONCE_BYTES = 4096
+
+
+class ByteLink(Link):
+    """A link that moves bytes; a subclass says how.
+
+    A write that the wire takes only in part leaves its rest here, at most ``_TAKEN_AT_ONCE_BYTES`` and a frame, and no
+    further packet is taken until it is gone: frames never mix.
+    """
+
+    def __init__(self) -> None:
+        self.tamper: Tamper | None = None
+        """Faults on the framed bytes."""
+        self.bytes_written = 0
+        self._rest = b""
+        self._decoder = FrameDecoder()
+
+    @abstractmethod
+    def _connected(self) -> bool:
+        """Whether somebody is at the other end."""
+
+    @abstractmethod
+    def _write(self, data: bytes) -> int:
+        """Write what the wire takes now and return how many bytes; never blocks, never raises OSError."""
+
+    @abstractmethod
+    def _read(self) -> bytes:
+        """Return what has arrived, possibly nothing; never blocks, never raises OSError."""
+
+    def _restart(self) -> None:
+        """Forget half-sent and half-received frames: there is a new other end."""
+        self._rest = b""
+        self._decoder = FrameDecoder()
+
+    def send(self, packets: Sequence[bytes]) -> int | None:
+        """Frame and write; see :meth:`Link.send`."""
+        if not self._connected():
+            self._rest = b""
+            return None
+        if not self._flush():
+            return 0
+        frames: list[bytes] = []
+        size = 0
+        for packet in packets:
+            frame = encode_frame(packet)
+            frames.append(frame if self.tamper is None else self.tamper(frame))
+            size += len(frames[-1])
+            if size >= _TAKEN_AT_ONCE_BYTES:
+                break
+        self._rest = b"".join(frames)
+        self._flush()
+        return len(frames)
+
+    def inject(self, data: bytes) -> None:
+        """Put bytes on the wire that are no frame, behind what is on its way."""
+        if self._connected():
+            self._rest += data
+            self._flush()
+
+    def _flush(self) -> bool:
+        if self._rest:
+            written = self._write(self._rest)
+            self.bytes_written += written
+            self._rest = self._rest[written:]
+        return not self._rest
+
+    def receive(self) -> list[bytes]:
+        """Read and take the framing off; see :meth:`Link.receive`."""
+        data = self._read()
+        return self._decoder.feed(data) if data else []

@@ -1,0 +1,113 @@
+"""Scenarios: TOML files that say what the hand does, how the object drifts, and what the sensor and the link do to it.
+
+A dozen ship with the package; ``docs/emulator.md`` lists every key. A scenario is checked as a whole when it is loaded.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, replace
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from emulator import ScenarioError
+from emulator.device_clock import ClockSettings
+from emulator.device_settings import DeviceSettings
+from emulator.imu_model import ImuSettings
+from emulator.motion import DriftSettings, MotionSettings
+from emulator.settings import check_settings, integer, read_table, table, text
+
+__all__ = ["Scenario", "ScenarioError", "load_scenario", "scenario_names"]
+
+MAX_FILE_BYTES = 100_000
+_MAX_DEPTH = 10
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything a run needs but the link, the time and, if another is wanted, the seed."""
+
+    purpose: str = text("")
+    """One line that says what the scenario is for."""
+    seed: int = integer(1, 0, 2**32 - 1)
+    """Seed of everything random."""
+    motion: MotionSettings = table(MotionSettings)
+    """What the hand does."""
+    drift: DriftSettings = table(DriftSettings)
+    """How far the object turns in the hand."""
+    imu: ImuSettings = table(ImuSettings)
+    """The sensor's faults."""
+    clock: ClockSettings = table(ClockSettings)
+    """The object's clock."""
+    device: DeviceSettings = table(DeviceSettings)
+    """The object and its firmware."""
+    name: str = "unnamed"
+    """Name of the shipped scenario, or stem of the file."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if self.drift.mode == "slip" and self.drift.slip_cycle >= self.motion.cycles:
+            raise ScenarioError(
+                f"drift.slip_cycle must be below motion.cycles ({self.motion.cycles}): it is a step between end points"
+            )
+        if not self.device.answers and self.motion.begins == "on-start":
+            raise ScenarioError('an object that does not answer needs motion.begins = "at-power-up"')
+
+
+def _shipped() -> dict[str, Traversable]:
+    folder = resources.files("emulator") / "scenarios"
+    return {entry.name.removesuffix(".toml"): entry for entry in folder.iterdir() if entry.name.endswith(".toml")}
+
+
+def scenario_names() -> tuple[str, ...]:
+    """Return the names of the shipped scenarios, sorted."""
+    return tuple(sorted(_shipped()))
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """Load a shipped scenario by its name, or one from a TOML file.
+
+    Parameters
+    ----------
+    name_or_path
+        A name of :func:`scenario_names`; anything with a ``.toml`` ending or a separator is a path.
+
+    Returns
+    -------
+    Scenario
+
+    Raises
+    ------
+    ScenarioError
+        Unknown name (lists all), no such file, too large, not TOML (names the line), or a value that is not allowed
+        (names the key).
+    """
+    given = str(name_or_path)
+    if isinstance(name_or_path, Path) or given.endswith(".toml") or "/" in given or "\\" in given:
+        path = Path(given).expanduser()
+        try:
+            if path.stat().st_size > MAX_FILE_BYTES:
+                raise ScenarioError(f"{path} is larger than {MAX_FILE_BYTES} bytes: that is no scenario")
+            data = path.read_bytes()
+        except OSError as error:
+            raise ScenarioError(f"cannot read scenario {path}: {error.strerror}") from error
+        return _parse(data[: MAX_FILE_BYTES + 1], path.stem, str(path))
+    shipped = _shipped()
+    if given not in shipped:
+        raise ScenarioError(
+            f"unknown scenario {given!r}: choose one of {', '.join(sorted(shipped))}, or give the path of a .toml file"
+        )
+    return _parse(shipped[given].read_bytes(), given, f"scenario {given}")
+
+
+def _parse(data: bytes, name: str, where: str) -> Scenario:
+    try:
+        document = tomllib.loads(data.decode())
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ScenarioError(f"{where} is not TOML: {error}") from error
+    try:
+        scenario = read_table(Scenario, document)
+    except ScenarioError as error:
+        raise ScenarioError(f"{where}: {error}") from None
+    return replace(scenario, name=name)

@@ -1,0 +1,154 @@
+"""A virtual sensorized object in a hand: motion, sensor, clock and firmware of one scenario, and the truth of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from emulator.device_clock import DeviceClock
+from emulator.firmware import Firmware
+from emulator.imu_model import ImuModel
+from emulator.motion import HandMotion
+from emulator.rotation import FloatArray
+from emulator.sample_stream import SampleBlock
+from emulator.scenario import Scenario
+from emulator.transmit_queue import Sink
+from emulator.truth import FORMAT, EndpointWatch
+
+__all__ = ["VirtualObject"]
+
+
+class VirtualObject:
+    """The object and the hand that moves it; powered up at time 0.
+
+    A pure function of given time, commands and seed: it has no clock, no I/O and sleeps nowhere.
+
+    Parameters
+    ----------
+    scenario
+        What it does.
+    seed
+        Seed of everything random; the scenario's where None.
+
+    Attributes
+    ----------
+    firmware
+        The object's state machine; faults act on it.
+    hand_start_s
+        When the hand's timeline began, s since power-up; None while it waits for the first START.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
+        self.scenario = scenario
+        self.seed = scenario.seed if seed is None else seed
+        self.motion = HandMotion(scenario.motion, scenario.drift, self.seed)
+        self.clock = DeviceClock(scenario.clock, self.seed)
+        self.imu = ImuModel(scenario.imu, scenario.device.card.mounting_q_body_sensor, self.seed)
+        self.hand_start_s: float | None = None
+        self.endpoints_met = 0
+        """Grows whenever the truth has something new to say about an end point."""
+        self._primary = EndpointWatch(self.motion.primary(), self.clock)
+        self._other = EndpointWatch(self.motion.other(), self.clock)
+        self.firmware = Firmware(
+            scenario.device,
+            self.imu,
+            self.clock,
+            self.true_motion,
+            self.seed,
+            on_start=self._on_start,
+            on_samples=self._on_samples,
+        )
+        if scenario.motion.begins == "at-power-up":
+            self._begin(0.0)
+        self.firmware.power_up(0.0)
+
+    def _on_start(self, now_s: float) -> None:
+        if self.hand_start_s is None:
+            self._begin(now_s)
+
+    def _begin(self, now_s: float) -> None:
+        self.hand_start_s = now_s
+        self._primary.begin(now_s)
+        self._other.begin(now_s)
+
+    def _on_samples(self, block: SampleBlock, boot: int) -> None:
+        self.endpoints_met += self._primary.feed(block, boot) + self._other.feed(block, boot)
+
+    def true_motion(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the true orientation and world-frame rate of turn.
+
+        Parameters
+        ----------
+        times_s
+            (n,) since power-up, s.
+
+        Returns
+        -------
+        quats_wxyz : numpy.ndarray
+            (n, 4) body to world.
+        rates_rad_s : numpy.ndarray
+            (n, 3) rad/s.
+        """
+        motion_times_s = np.zeros_like(times_s) if self.hand_start_s is None else times_s - self.hand_start_s
+        return self.motion.orientation(motion_times_s), self.motion.angular_velocity(motion_times_s)
+
+    @property
+    def end_s(self) -> float:
+        """When the hand's timeline is over, s since power-up; infinite while it has not begun."""
+        return np.inf if self.hand_start_s is None else self.hand_start_s + self.motion.duration_s
+
+    @property
+    def next_due_s(self) -> float:
+        """When :meth:`step` has something to do next, if no command comes, s."""
+        return self.firmware.next_due_s
+
+    def step(self, now_s: float, sink: Sink) -> None:
+        """Do all that is due by now and hand encoded packets to the link; times never decrease."""
+        self.firmware.step(now_s, sink)
+
+    def receive(self, command: bytes, now_s: float) -> None:
+        """Take one encoded packet from the host, after :meth:`step` up to now."""
+        self.firmware.receive(command, now_s)
+
+    def truth(self) -> dict[str, Any]:
+        """Return what is true of the run so far, ready for JSON; see :mod:`emulator.truth`."""
+        scenario = self.scenario
+        primary = self._primary.document()
+        counters = self.firmware.counters
+        return {
+            "format": FORMAT,
+            "scenario": scenario.name,
+            "purpose": scenario.purpose,
+            "seed": self.seed,
+            "n_cycles": scenario.motion.cycles,
+            "period_s": scenario.motion.period_s,
+            "swing_deg": scenario.motion.swing_deg,
+            "motion_axis": list(scenario.motion.axis),
+            "hand_start_s": self.hand_start_s,
+            "hand_end_s": None if self.hand_start_s is None else self.end_s,
+            "theta_bar_deg": primary["theta_bar_deg"],
+            "axis": primary["axis"],
+            "steps_deg": primary["steps_deg"],
+            "primary": primary["kind"],
+            "endpoints": primary["endpoints"],
+            "other_extreme": self._other.document(),
+            "sensor": {
+                "heading_drift_deg_per_min": scenario.imu.heading_drift_deg_per_min,
+                "noise_deg": scenario.imu.noise_deg,
+                "correlated_noise_deg": scenario.imu.correlated_noise_deg,
+            },
+            "clock": {
+                "skew_ppm": scenario.clock.skew_ppm,
+                "wander_ppm": scenario.clock.wander_ppm,
+                "start_us": scenario.clock.start_us,
+            },
+            "device": {
+                "device_id": scenario.device.device_id,
+                "boot_ids": list(self.firmware.boot_ids),
+                "samples_produced": counters.samples_produced,
+                "samples_dropped": counters.samples_dropped,
+                "commands": counters.commands,
+                "refusals": counters.refusals,
+            },
+        }
