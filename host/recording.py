@@ -62,12 +62,15 @@ class RecordingWriter:
         self._sink = RecordingSink(path, max_kept_bytes)
         self._wall_minus_monotonic_ns = wall_time_ns - monotonic_ns
         self._flushed_ns = monotonic_ns
-        self._writer: Any = Writer(
-            cast(IO[bytes], self._sink),
-            use_chunking=False,
-            compression=CompressionType.NONE,
-            index_types=IndexType.ALL,
-            enable_data_crcs=True,
+        self._writer = cast(  # its methods are not annotated
+            Any,
+            Writer(
+                cast(IO[bytes], self._sink),
+                use_chunking=False,
+                compression=CompressionType.NONE,
+                index_types=IndexType.ALL,
+                enable_data_crcs=True,
+            ),
         )
         self._writer.start(profile="", library=f"rotdrift {VERSION}")
         self._writer.add_metadata(
