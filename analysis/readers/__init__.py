@@ -1,0 +1,120 @@
+"""Files of orientations to :class:`~analysis.series.OrientationSeries`; one module per format.
+
+:func:`read_series` picks the reader from the content of the file, never from its name. Every reader says in the
+series which convention it read with, and what it assumed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from analysis.readers.column_spec import ColumnSpec, parse_columns
+from analysis.readers.convention_check import convention_warnings
+from analysis.readers.kit_csv import is_ndx, is_t42, read_ndx, read_t42
+from analysis.readers.named_csv import guess_columns, read_named
+from analysis.readers.number_table import head_lines, is_numeric_row, plain
+from analysis.readers.parquet import MAGIC as PARQUET_MAGIC
+from analysis.readers.parquet import read_parquet
+from analysis.readers.ros_bag import MCAP_MAGIC, is_bag, read_ros_bag
+from analysis.readers.time_stamps import RawSamples, to_series
+from analysis.readers.tum import is_tum, read_tum
+from analysis.readers.ximu3_csv import is_ximu3, read_ximu3
+from analysis.series import OrientationSeries, ReaderError
+
+__all__ = ["ColumnSpec", "ReaderError", "is_mcap", "parse_columns", "read_series"]
+
+_KNOWN = "the benchmark authors' CSV, CSV with --columns, TUM, x-IMU3 CSV, parquet, ROS bag or MCAP"
+
+
+def is_mcap(path: Path) -> bool:
+    """Tell whether a file is MCAP: a recording of this program, or a ROS 2 bag.
+
+    Parameters
+    ----------
+    path
+        The file.
+    """
+    with path.open("rb") as file:
+        return file.read(len(MCAP_MAGIC)) == MCAP_MAGIC
+
+
+def read_series(
+    path: Path | str,
+    *,
+    columns: str | ColumnSpec | None = None,
+    rate_hz: float | None = None,
+    topic: str | None = None,
+) -> OrientationSeries:
+    """Read a file of orientations; the format is recognised from the content.
+
+    A recording of this program is MCAP with the raw bytes of the link in it; those are decoded by the program, not
+    here. An MCAP file that comes here is read as a ROS 2 one.
+
+    Parameters
+    ----------
+    path
+        File, or folder of a ROS 2 bag.
+    columns
+        What the columns of a CSV or parquet file mean (:mod:`analysis.readers.column_spec`); None to recognise them.
+    rate_hz
+        Sampling rate where the file has no time stamps.
+    topic
+        Which topic of a bag.
+
+    Returns
+    -------
+    OrientationSeries
+
+    Raises
+    ------
+    ReaderError
+        Not a file known here, or damaged: names the line or row and what to do.
+    OSError
+        The file cannot be opened.
+    """
+    place = Path(path)
+    spec = parse_columns(columns) if isinstance(columns, str) else columns
+    series = to_series(_raw_samples(place, spec, topic), rate_hz)
+    found = convention_warnings(series)
+    return replace(series, warnings=(*series.warnings, *found)) if found else series
+
+
+def _raw_samples(path: Path, spec: ColumnSpec | None, topic: str | None) -> RawSamples:
+    if path.is_dir():
+        if not is_bag(path, b""):
+            raise ReaderError(f"{plain(path.name, 80)} is a folder, and no ROS 2 bag (it has no metadata.yaml)")
+        return read_ros_bag(path, topic)
+    with path.open("rb") as file:
+        start = file.read(16)
+    if not start:
+        raise ReaderError(f"{plain(path.name, 80)} is empty")
+    if is_bag(path, start):
+        return read_ros_bag(path, topic)
+    if start.startswith(PARQUET_MAGIC):
+        return read_parquet(path, spec)
+    return _text_samples(path, head_lines(path), spec)
+
+
+def _text_samples(path: Path, lines: list[str], spec: ColumnSpec | None) -> RawSamples:
+    if spec is not None:
+        return read_named(path, lines, spec)
+    if is_ximu3(lines):
+        return read_ximu3(path, lines)
+    if is_t42(lines):
+        return read_t42(path, lines)
+    if is_ndx(lines):
+        return read_ndx(path, lines)
+    if is_tum(lines):
+        return read_tum(path, lines)
+    guessed = guess_columns(lines)
+    if guessed is not None:
+        return read_named(path, lines, guessed, declared=False)
+    if not lines:
+        raise ReaderError(f"{plain(path.name, 80)} is empty")
+    first = lines[0]
+    what = "columns without names" if is_numeric_row(first.split(",")) else f"it starts with '{plain(first)}'"
+    raise ReaderError(
+        f"{plain(path.name, 80)} is not a file known here ({what}); known are {_KNOWN}; name the columns with "
+        "--columns t=…,qw=…,qx=…,qy=…,qz=…"
+    )

@@ -1,0 +1,253 @@
+"""Text files of numbers, read fast, and the one bad cell named when there is one.
+
+numpy's C parser reads whole files; only when it fails, or a number is not finite, a slow second pass finds the line.
+Files come from strangers: binary content, endless lines and too many columns are refused before anything is parsed, and
+text that goes into a message is shortened and stripped of control characters.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from analysis.series import FloatArray, ReaderError
+
+MAX_LINE_BYTES = 65_536
+"""A longer line is no line of numbers."""
+MAX_COLUMNS = 1_024
+"""More columns than any recording has."""
+MAX_FILE_BYTES = 8 * 2**30
+"""A text file beyond this is refused before it fills the memory."""
+_SCAN_BYTES = 1 << 20
+
+
+def plain(text: str, limit: int = 40) -> str:
+    """Shorten text from a file and strip what could steer a terminal.
+
+    Parameters
+    ----------
+    text
+        Anything.
+    limit
+        Characters kept.
+
+    Returns
+    -------
+    Printable text of at most ``limit`` + 1 characters.
+    """
+    kept = "".join(c if c.isprintable() else "?" for c in text[: limit + 1])
+    return kept[:limit] + "…" if len(kept) > limit else kept
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the numbers stand in a text file."""
+
+    delimiter: str | None
+    """Column separator; None for any white space."""
+    header_lines: int
+    """Lines before the first data row (blank ones not counted)."""
+    columns: tuple[int, ...]
+    """0-based columns to read, in the order wanted."""
+    names: tuple[str, ...]
+    """What each of them is called in messages."""
+    comment: str | None = None
+    """Lines that start with this are skipped."""
+
+
+def head_lines(path: Path, limit: int = 20) -> list[str]:
+    """Read the first lines of a text file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    limit
+        How many lines at most.
+
+    Returns
+    -------
+    Non-blank lines without line ends, a byte order mark removed.
+
+    Raises
+    ------
+    ReaderError
+        Not a text file, or a line longer than ``MAX_LINE_BYTES``.
+    """
+    with path.open("rb") as file:
+        start = file.read(4 * MAX_LINE_BYTES)
+    if b"\0" in start:
+        raise ReaderError(f"{plain(path.name, 80)} is not a text file, nor a binary format known here")
+    lines = start.split(b"\n")
+    if len(start) == 4 * MAX_LINE_BYTES:
+        lines.pop()  # cut off in the middle
+    found = [line.decode("utf-8-sig", "replace").strip("\r\n") for line in lines if line.strip()][:limit]
+    if any(len(line) > MAX_LINE_BYTES for line in found) or (start and not found):
+        raise ReaderError(
+            f"{plain(path.name, 80)} has lines longer than {MAX_LINE_BYTES} bytes; it is no table of numbers"
+        )
+    return found
+
+
+def check_lines(path: Path) -> None:
+    """Refuse files that no table of numbers looks like, in one fast pass.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    ReaderError
+        Too large, or a line longer than ``MAX_LINE_BYTES``.
+    """
+    if path.stat().st_size > MAX_FILE_BYTES:
+        raise ReaderError(
+            f"{plain(path.name, 80)} is larger than {MAX_FILE_BYTES // 2**30} GiB; cut it into trials first"
+        )
+    line_start, offset = 0, 0
+    with path.open("rb") as file:
+        while block := file.read(_SCAN_BYTES):
+            ends = np.flatnonzero(np.frombuffer(block, dtype=np.uint8) == ord("\n")) + offset
+            edges = np.concatenate(([line_start], ends, [offset + len(block)]))
+            if np.diff(edges).max() > MAX_LINE_BYTES:
+                raise ReaderError(
+                    f"{plain(path.name, 80)} has a line longer than {MAX_LINE_BYTES} bytes; it is no table of numbers"
+                )
+            line_start = int(edges[-2])
+            offset += len(block)
+
+
+def read_table(path: Path, layout: Layout) -> FloatArray:
+    """Read the wanted columns of a text file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    layout
+        Where the numbers are.
+
+    Returns
+    -------
+    (rows, len(layout.columns)) finite numbers; row k is the k-th non-blank line after the header.
+
+    Raises
+    ------
+    ReaderError
+        A cell that is no finite number (names line and column), no rows, or a file that is no table.
+    """
+    check_lines(path)
+    try:
+        table = _load(path, layout)
+    except (ValueError, UnicodeDecodeError, IndexError) as error:
+        raise _first_fault(path, layout, str(error)) from error
+    if len(table) == 0:
+        raise ReaderError(f"{plain(path.name, 80)} has no data rows")
+    if not np.isfinite(table).all():
+        raise _first_fault(path, layout, "a number is not finite")
+    return table
+
+
+def _load(path: Path, layout: Layout) -> FloatArray:
+    # Blank lines before the data are not counted by `data_lines`, so the header is skipped by its place in the file.
+    skip = next((number for number, _ in _data_lines(path, layout)), None)
+    if skip is None:
+        return np.empty((0, len(layout.columns)))
+    # An absolute path: numpy takes names like http://… for addresses and would fetch them.
+    return np.loadtxt(
+        os.fspath(path.resolve()),
+        delimiter=layout.delimiter,
+        skiprows=skip - 1,
+        usecols=layout.columns,
+        comments=layout.comment,
+        ndmin=2,
+        encoding="utf-8-sig" if skip == 1 else "utf-8",
+    )
+
+
+def _data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
+    """Yield line number (from 1) and text of every data row."""
+    left = layout.header_lines
+    with path.open(encoding="utf-8-sig", errors="replace", newline="\n") as file:
+        for number, line in enumerate(file, start=1):
+            text = line.strip()
+            if not text or (layout.comment is not None and text.startswith(layout.comment)):
+                continue
+            if left > 0:
+                left -= 1
+                continue
+            yield number, text
+
+
+def _first_fault(path: Path, layout: Layout, reason: str) -> ReaderError:
+    """Find the first cell that is not a finite number."""
+    for number, text in _data_lines(path, layout):
+        if layout.comment is not None:
+            text = text.split(layout.comment, 1)[0]
+        cells = text.split(layout.delimiter)
+        for column, name in zip(layout.columns, layout.names, strict=True):
+            if column >= len(cells):
+                return ReaderError(
+                    f"{plain(path.name, 80)} line {number}: {len(cells)} columns, but {plain(name)} is column {column + 1}; "
+                    "is the file cut off there?"
+                )
+            cell = cells[column].strip()
+            if not _is_number(cell):
+                what = f"'{plain(cell)}' is not a number" if cell else "nothing where a number should be"
+                return ReaderError(
+                    f"{plain(path.name, 80)} line {number}: {what} in column {plain(name)}; mend or remove that line"
+                )
+    return ReaderError(f"{plain(path.name, 80)} cannot be read as numbers: {plain(reason, 200)}")
+
+
+def _is_number(cell: str) -> bool:
+    if "_" in cell:  # float() takes 1_0, the fast parser does not
+        return False
+    try:
+        return math.isfinite(float(cell))
+    except ValueError:
+        return False
+
+
+def split_header(line: str, delimiter: str = ",") -> tuple[str, ...]:
+    """Split a header line into column names.
+
+    Parameters
+    ----------
+    line
+        The line.
+    delimiter
+        Column separator.
+
+    Returns
+    -------
+    Names without spaces and quotes around them.
+
+    Raises
+    ------
+    ReaderError
+        More than ``MAX_COLUMNS`` columns.
+    """
+    names = tuple(name.strip().strip('"').strip() for name in line.split(delimiter))
+    if len(names) > MAX_COLUMNS:
+        raise ReaderError(f"the header has {len(names)} columns; at most {MAX_COLUMNS} make sense")
+    return names
+
+
+def is_numeric_row(cells: Sequence[str]) -> bool:
+    """Tell whether all cells are numbers; an empty last cell (a trailing comma) does not matter.
+
+    Parameters
+    ----------
+    cells
+        Cells of one line.
+    """
+    filled = cells[:-1] if cells and not cells[-1].strip() else cells
+    return bool(filled) and all(_is_number(cell.strip()) for cell in filled)

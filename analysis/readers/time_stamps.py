@@ -1,0 +1,171 @@
+"""From raw time stamps and orientations to a series: missing, duplicate, backward and missing-sample times, all said."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from analysis.series import NORM_TOLERANCE, FloatArray, IntArray, OrientationSeries, ReaderError, SetAside
+
+MAX_SET_ASIDE = 0.5
+"""If more than this share of the rows has an impossible time, the time column is not one."""
+_GAP_FACTOR = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class RawSamples:
+    """What a reader found, before time is looked at. Row k of every array is data row k of the file."""
+
+    quats_wxyz: FloatArray
+    """(n, 4) body to world."""
+    times_s: FloatArray | None
+    """(n,) as found, in any order; None where the file has none."""
+    convention: str
+    """For people."""
+    source: str
+    """For people."""
+    positions_m: FloatArray | None = None
+    """(n, 3)."""
+    accelerations_mps2: FloatArray | None = None
+    """(n, 3) body frame."""
+    notes: tuple[str, ...] = ()
+    """What the reader did."""
+    warnings: tuple[str, ...] = ()
+    """What the reader doubts."""
+    assumed_rate_hz: float | None = None
+    """Rate of the rig where the file has no time stamps and none is given."""
+    index: IntArray | None = field(default=None)
+    """(n,) row numbers where they are not 0 … n−1."""
+
+
+def to_series(raw: RawSamples, rate_hz: float | None = None) -> OrientationSeries:
+    """Make a series of raw samples.
+
+    Parameters
+    ----------
+    raw
+        What the reader found.
+    rate_hz
+        Sampling rate; needed where the file has no time stamps, not allowed to contradict them.
+
+    Returns
+    -------
+    OrientationSeries
+        Rows with a repeated or backward time are set aside (the fewest that must go) and can still be named as end
+        points; notes say what was done.
+
+    Raises
+    ------
+    ReaderError
+        No time stamps and no rate; most rows have an impossible time; a quaternion whose norm is not 1.
+    """
+    n = len(raw.quats_wxyz)
+    rows = np.arange(n) if raw.index is None else raw.index
+    _check_norms(raw, rows)
+    notes = list(raw.notes)
+    if raw.times_s is None:
+        times_s = _times_from_rate(raw, rate_hz, notes)
+    else:
+        times_s = raw.times_s
+        if rate_hz is not None:
+            notes.append(f"the file has time stamps; the rate given ({rate_hz:g} Hz) was not used")
+    keep = np.ones(n, dtype=bool)
+    backward = np.diff(times_s) < 0.0
+    if backward.any():
+        keep = _longest_increasing(times_s)
+        first = int(np.argmax(backward)) + 1
+        notes.append(
+            f"time goes backwards {int(backward.sum())} times, first at row {rows[first]} "
+            f"(by {times_s[first - 1] - times_s[first]:.6g} s); {int(np.sum(~keep))} rows set aside"
+        )
+    elif (np.diff(times_s) == 0.0).any():
+        keep[1:] = np.diff(times_s) > 0.0
+        notes.append(f"{int(np.sum(~keep))} rows repeat the time stamp of the row before and were set aside")
+    if np.sum(~keep) > MAX_SET_ASIDE * n:
+        raise ReaderError(
+            f"{int(np.sum(~keep))} of {n} time stamps do not increase; is the time column the right one, and in order?"
+        )
+    return OrientationSeries(
+        times_s=times_s[keep],
+        quats_wxyz=raw.quats_wxyz[keep],
+        index=rows[keep],
+        positions_m=None if raw.positions_m is None else raw.positions_m[keep],
+        accelerations_mps2=None if raw.accelerations_mps2 is None else raw.accelerations_mps2[keep],
+        source=raw.source,
+        convention=raw.convention,
+        notes=(*notes, *_gap_notes(times_s[keep])),
+        warnings=raw.warnings,
+        set_aside=None if keep.all() else _set_aside(raw, times_s, rows, ~keep),
+    )
+
+
+def _check_norms(raw: RawSamples, rows: IntArray) -> None:
+    norms = np.linalg.norm(raw.quats_wxyz, axis=1)
+    bad = ~(np.abs(norms - 1.0) <= NORM_TOLERANCE)
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise ReaderError(
+            f"row {rows[first]}: the quaternion has norm {norms[first]:.4g}, not 1 ({int(bad.sum())} such rows); "
+            "wrong columns, or a sensor that was not ready?"
+        )
+
+
+def _times_from_rate(raw: RawSamples, rate_hz: float | None, notes: list[str]) -> FloatArray:
+    rate = rate_hz if rate_hz is not None else raw.assumed_rate_hz
+    if rate is None:
+        raise ReaderError("the file has no time stamps; give the sampling rate with --rate HZ")
+    if not (0.1 <= rate <= 1e5):
+        raise ReaderError(f"a sampling rate of {rate:g} Hz makes no sense; 0.1 to 100000 does")
+    said = "as given" if rate_hz is not None else "assumed from the rig; --rate HZ says otherwise"
+    notes.append(f"no time stamps in the file: {rate:g} Hz, {said}")
+    return np.arange(len(raw.quats_wxyz)) / rate
+
+
+def _longest_increasing(times_s: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Mark a longest strictly increasing subsequence (patience sorting): the fewest rows are lost."""
+    tails: list[float] = []
+    places: list[int] = []
+    before = np.full(len(times_s), -1)
+    for k, value in enumerate(times_s.tolist()):
+        pile = bisect_left(tails, value)
+        before[k] = places[pile - 1] if pile else -1
+        if pile == len(tails):
+            tails.append(value)
+            places.append(k)
+        else:
+            tails[pile] = value
+            places[pile] = k
+    keep = np.zeros(len(times_s), dtype=bool)
+    k = places[-1]
+    while k >= 0:
+        keep[k] = True
+        k = int(before[k])
+    return keep
+
+
+def _set_aside(raw: RawSamples, times_s: FloatArray, rows: IntArray, out: FloatArray) -> SetAside:
+    norms = np.linalg.norm(raw.quats_wxyz[out], axis=1, keepdims=True)
+    return SetAside(
+        times_s=times_s[out],
+        quats_wxyz=raw.quats_wxyz[out] / norms,
+        index=rows[out],
+        positions_m=None if raw.positions_m is None else raw.positions_m[out],
+    )
+
+
+def _gap_notes(times_s: FloatArray) -> tuple[str, ...]:
+    """Say where samples are missing."""
+    intervals = np.diff(times_s)
+    if not len(intervals):
+        return ()
+    usual = float(np.median(intervals))
+    wide = np.flatnonzero(intervals > _GAP_FACTOR * usual)
+    if not len(wide):
+        return ()
+    longest = int(wide[np.argmax(intervals[wide])])
+    return (
+        f"{len(wide)} gaps longer than {_GAP_FACTOR:g} times the usual {usual * 1e3:.3g} ms, longest "
+        f"{intervals[longest]:.3g} s at {times_s[longest] - times_s[0]:.3f} s after the first sample",
+    )
