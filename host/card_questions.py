@@ -83,7 +83,7 @@ def _ask_size(values: dict[str, dict[str, Any]], ask: Ask, say: Say) -> None:
         try:
             if len(parts) != len(keys):
                 raise ValueError(f"give {len(keys)} number{'s' if len(keys) > 1 else ''}: {names}")
-            size = {key: float(part) for key, part in zip(keys, parts, strict=True)}
+            size = {key: _number(part) for key, part in zip(keys, parts, strict=True)}
             _try(values, "object", "dimensions", size)
         except (ValueError, FileError) as error:
             say(f"  {_why(error)}")
