@@ -1,8 +1,8 @@
 """Does the data contradict the declared convention? θ̄ alone cannot tell.
 
-Components read in the wrong order, or orientations read the wrong way round, give a plausible θ̄ and a drift axis that is
-wrong by 43 to 89 degrees. What can show it: jumps, the direction of gravity, and the axis of motion. A silent check proves
-nothing; each warning names what was seen.
+Components read in the wrong order, or orientations read the wrong way round, give a plausible θ̄ and a drift axis that
+is wrong by 43 to 89 degrees. What can show it: jumps, the direction of gravity, and the axis of motion. A silent check
+proves nothing; each warning names what was seen.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _steadiness(quats: FloatArray, forces: FloatArray) -> float:
 
 
 def _axis_of_motion(series: OrientationSeries) -> tuple[str, ...]:
-    """The hand turns the object about axes of the hand; as the object creeps, these wander in the body."""
+    """Compare how steady the axis is: the hand turns the object about its own axes; creep makes these wander in it."""
     every = max(1, round(_SPEED_INTERVAL_S / series.interval_s), len(series) // _MAX_POINTS)
     quats = series.quats_wxyz[::every]
     if len(quats) < 10:

@@ -1,10 +1,10 @@
 """The two CSV layouts of the benchmark authors' own recordings, told apart by content, never by name.
 
-T42 (header row): Unix time ``ts`` in s, position ``tx,ty,tz`` in m, ``rx,ry,rz`` in rad, Euler extrinsic x-y-z; some files
-also carry the quaternion ``qx,qy,qz,qw``, which then has to agree.
+T42 (header row): Unix time ``ts`` in s, position ``tx,ty,tz`` in m, ``rx,ry,rz`` in rad, Euler extrinsic x-y-z; some
+files also carry the quaternion ``qx,qy,qz,qw``, which then has to agree.
 
-NDX_A (no header, Polhemus): station, x, y, z in inch, azimuth, elevation, roll in degrees, Euler intrinsic z-y-x; no time
-stamps. A trailing comma on each line is usual. The tracker ran at 240 Hz.
+NDX_A (no header, Polhemus): station, x, y, z in inch, azimuth, elevation, roll in degrees, Euler intrinsic z-y-x; no
+time stamps. A trailing comma on each line is usual. The tracker ran at 240 Hz.
 """
 
 from __future__ import annotations

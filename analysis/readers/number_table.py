@@ -195,8 +195,8 @@ def _first_fault(path: Path, layout: Layout, reason: str) -> ReaderError:
         for column, name in zip(layout.columns, layout.names, strict=True):
             if column >= len(cells):
                 return ReaderError(
-                    f"{plain(path.name, 80)} line {number}: {len(cells)} columns, but {plain(name)} is column {column + 1}; "
-                    "is the file cut off there?"
+                    f"{plain(path.name, 80)} line {number}: {len(cells)} columns, but {plain(name)} is column "
+                    f"{column + 1}; is the file cut off there?"
                 )
             cell = cells[column].strip()
             if not _is_number(cell):

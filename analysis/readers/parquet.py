@@ -40,7 +40,7 @@ def read_parquet(path: Path, spec: ColumnSpec | None) -> RawSamples:
     except ImportError as error:
         raise ReaderError("parquet files need pyarrow: pip install 'rotdrift[parquet]'") from error
     try:
-        file = pyarrow.parquet.ParquetFile(path)
+        file = tables.ParquetFile(path)
         header = tuple(file.schema_arrow.names)
         declared = spec is not None
         if spec is None:

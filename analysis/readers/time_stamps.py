@@ -1,4 +1,4 @@
-"""From raw time stamps and orientations to a series: missing, duplicate, backward and missing-sample times, all said."""
+"""From raw time stamps to a series: missing, repeated and backward times, and gaps, each handled and said."""
 
 from __future__ import annotations
 
