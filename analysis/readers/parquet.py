@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,8 +37,8 @@ def read_parquet(path: Path, spec: ColumnSpec | None) -> RawSamples:
         The extra is not installed, no such columns, a column without numbers, a missing value (names the row).
     """
     try:
-        import pyarrow
-        import pyarrow.parquet
+        arrow: Any = importlib.import_module("pyarrow")  # an extra, and slow to import
+        tables: Any = importlib.import_module("pyarrow.parquet")
     except ImportError as error:
         raise ReaderError("parquet files need pyarrow: pip install 'rotdrift[parquet]'") from error
     try:
@@ -53,10 +55,10 @@ def read_parquet(path: Path, spec: ColumnSpec | None) -> RawSamples:
         columns = []
         for name in wanted:
             column = table.column(name)
-            if pyarrow.types.is_temporal(column.type):
+            if arrow.types.is_temporal(column.type):
                 raise ReaderError(f"column {plain(name)} holds dates; store the time as a number")
             columns.append(column.to_numpy().astype(np.float64))
-    except pyarrow.ArrowInvalid as error:
+    except arrow.ArrowInvalid as error:
         raise ReaderError(f"{plain(path.name, 80)} is not a sound parquet file: {plain(str(error), 120)}") from error
     except (TypeError, ValueError) as error:
         raise ReaderError(f"column {plain(name)} of {plain(path.name, 80)} does not hold numbers") from error
