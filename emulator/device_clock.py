@@ -20,6 +20,7 @@ __all__ = ["ClockSettings", "DeviceClock"]
 
 _WANDER_STREAM = 21
 _TERMS = 3
+_ROUNDING_US = 1e-4  # the instant of a tick must not read as one less
 _INVERSE_STEPS = 4  # each shrinks the error by the rate error, below 2e-3: 4 reach rounding from any start
 
 
@@ -83,7 +84,7 @@ class DeviceClock:
 
     def read_us(self, time_s: float) -> int:
         """Return one reading of the uptime, whole microseconds, rounded down as a counter is."""
-        return int(np.floor(self.uptime_us(np.array([time_s]))[0]))
+        return int(np.floor(self.uptime_us(np.array([time_s]))[0] + _ROUNDING_US))
 
     def time_s(self, uptime_us: FloatArray) -> FloatArray:
         """Return the true time at which the clock shows an uptime.

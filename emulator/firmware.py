@@ -165,6 +165,10 @@ class Firmware:
         """Packets that wait for the link."""
         return len(self._queue)
 
+    def prepare(self) -> None:
+        """Work ahead while there is time; changes nothing that can be seen."""
+        self._stream.prepare()
+
     def step(self, now_s: float, sink: Sink) -> None:
         """Do all that is due by now, in order of time, and hand packets to the link."""
         while True:

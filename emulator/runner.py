@@ -22,8 +22,8 @@ from emulator.virtual_object import VirtualObject
 
 __all__ = ["GRANULARITY_S", "RunResult", "VirtualObject", "run"]
 
-GRANULARITY_S = 0.001
-"""Samples leave at most this often, in groups if they are due more often: as a USB device is polled."""
+GRANULARITY_S = 0.0005
+"""Samples leave at most this often, in groups if they are due more often."""
 _LOOK_UP_S = 0.05
 _RETRY_S = 0.004
 _VIRTUAL_STEP_S = 0.05
@@ -133,6 +133,7 @@ def _real_time(
                     run_object.receive(command, now_s)
                 run_object.step(now_s, link.send)
             truth.refresh(now_s)
+            run_object.firmware.prepare()
             longest_s = _RETRY_S if run_object.firmware.backlog else _LOOK_UP_S
             wake_s = min(max(run_object.next_due_s, now_s + GRANULARITY_S), now_s + longest_s, end_s)
             link.wait(wake_s - (time.monotonic() - started))

@@ -111,6 +111,7 @@ class SampleStream:
         self._tick = 0  # next tick
         self._block: SampleBlock | None = None
         self._used = 0  # samples of the block already handed out
+        self._next_block: SampleBlock | None = None
 
     def boot(self, boot: int, rate_hz: int, now_s: float) -> None:
         """Power up: everything as new but the clock, which the caller restarts."""
@@ -146,7 +147,7 @@ class SampleStream:
 
     def invalidate(self) -> None:
         """Forget samples made ahead: what they are made from has changed."""
-        self._block, self._used = None, 0
+        self._block, self._used, self._next_block = None, 0, None
 
     def _uptime_us(self, ticks: IntArray) -> IntArray:
         return self._origin_us + ticks * 1_000_000 // self._rate_hz
@@ -156,18 +157,26 @@ class SampleStream:
 
     def _ahead(self) -> SampleBlock:
         if self._block is None or self._used == len(self._block.samples):
-            ticks = np.arange(self._tick, self._tick + _BLOCK)
-            uptime_us = self._uptime_us(ticks)
-            times_s = self._clock.time_s(uptime_us.astype(np.float64))
-            readings = self._imu.read(times_s, self._true_motion, self.produced, self._boot)
-            sequence = self.produced + np.arange(_BLOCK)
-            flags = readings.flags | np.uint8(OrientationFlag.CALIBRATED if self.calibrated else 0)
-            packets = [pack_orientations(sequence, uptime_us, readings.quats_wxyz, flags)]
-            if self.with_raw_imu:
-                packets.append(pack_raw_imu(sequence, uptime_us, readings))
-            self._block = SampleBlock(self.produced, times_s, list(zip(*packets, strict=True)))
-            self._used = 0
+            self._block = self._next_block or self._make(self._tick, self.produced)
+            self._used, self._next_block = 0, None
         return self._block
+
+    def _make(self, tick: int, first: int) -> SampleBlock:
+        uptime_us = self._uptime_us(np.arange(tick, tick + _BLOCK))
+        times_s = self._clock.time_s(uptime_us.astype(np.float64))
+        readings = self._imu.read(times_s, self._true_motion, first, self._boot)
+        sequence = first + np.arange(_BLOCK)
+        flags = readings.flags | np.uint8(OrientationFlag.CALIBRATED if self.calibrated else 0)
+        packets = [pack_orientations(sequence, uptime_us, readings.quats_wxyz, flags)]
+        if self.with_raw_imu:
+            packets.append(pack_raw_imu(sequence, uptime_us, readings))
+        return SampleBlock(first, times_s, list(zip(*packets, strict=True)))
+
+    def prepare(self) -> None:
+        """Make the next block while there is time, so that no sample waits for it; changes nothing else."""
+        if self._block is not None and self._next_block is None and 2 * self._used > _BLOCK:
+            left = len(self._block.samples) - self._used
+            self._next_block = self._make(self._tick + left, self.produced + left)
 
     @property
     def next_due_s(self) -> float:

@@ -21,7 +21,6 @@ from emulator.settings import check_settings, integer, read_table, table, text
 __all__ = ["Scenario", "ScenarioError", "load_scenario", "scenario_names"]
 
 MAX_FILE_BYTES = 100_000
-_MAX_DEPTH = 10
 
 
 @dataclass(frozen=True)
@@ -87,12 +86,13 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     if isinstance(name_or_path, Path) or given.endswith(".toml") or "/" in given or "\\" in given:
         path = Path(given).expanduser()
         try:
-            if path.stat().st_size > MAX_FILE_BYTES:
-                raise ScenarioError(f"{path} is larger than {MAX_FILE_BYTES} bytes: that is no scenario")
-            data = path.read_bytes()
+            with path.open("rb") as file:
+                data = file.read(MAX_FILE_BYTES + 1)
         except OSError as error:
             raise ScenarioError(f"cannot read scenario {path}: {error.strerror}") from error
-        return _parse(data[: MAX_FILE_BYTES + 1], path.stem, str(path))
+        if len(data) > MAX_FILE_BYTES:
+            raise ScenarioError(f"{path} is larger than {MAX_FILE_BYTES} bytes: that is no scenario")
+        return _parse(data, path.stem, str(path))
     shipped = _shipped()
     if given not in shipped:
         raise ScenarioError(
