@@ -39,13 +39,13 @@ SMALLEST_THREE_BITS = 18
 SMALLEST_THREE_OFFSET = 1 << (SMALLEST_THREE_BITS - 1)
 SMALLEST_THREE_SCALE = (SMALLEST_THREE_OFFSET - 1) * math.sqrt(2.0)
 """A code is ``SMALLEST_THREE_OFFSET + round(component * SMALLEST_THREE_SCALE)``: zero is exact, code 0 never sent."""
-SMALLEST_THREE_MAX_ERROR_RAD = 2.25 / SMALLEST_THREE_SCALE
-"""Largest rotation angle of what :func:`quat_to_smallest_three` makes: 1.2138e-5 rad = 0.0007°.
+SMALLEST_THREE_MAX_ERROR_RAD = 2.02 / SMALLEST_THREE_SCALE
+"""Largest rotation angle of what :func:`quat_to_smallest_three` makes: 1.0897e-5 rad = 0.00063°.
 
 An error δ of the three sent components v moves the fourth, a, by −v·δ/a: the four-vector is off by
-√(δᵀ(I + vvᵀ/a²)δ). The worst place is v = (a, a, a), a = ½, where this is the metric of the face-centred cubic lattice.
-The encoder picks the best of the eight neighbouring code triples, which keeps the error within one step there (the
-covering radius of that lattice).
+√(δᵀ(I + vvᵀ/a²)δ). The encoder picks the best of the eight neighbouring code triples, which keeps this within one
+step for every v with |v_i| ≤ a (found by search; at v = (a, a, a) it is the covering radius of the face-centred cubic
+lattice). The angle is twice that; 1 % is left for curvature.
 """
 SMALLEST_THREE_MAX_ERROR_DEG = math.degrees(SMALLEST_THREE_MAX_ERROR_RAD)
 SMALLEST_THREE_PLAIN_MAX_ERROR_RAD = 2.0 * math.sqrt(3.0) * 1.01 / SMALLEST_THREE_SCALE

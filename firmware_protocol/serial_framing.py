@@ -31,25 +31,31 @@ MAX_PIECE_BYTES = MAX_PACKET_BYTES + CRC_BYTES + 1
 
 
 @dataclass(frozen=True)
-class FrameCounters:
-    """What a :class:`FrameDecoder` has met since it was made."""
+class PieceCounters:
+    """What became of pieces: the part of the counters that can be added up from anywhere."""
 
-    bytes: int = 0
-    """Bytes fed."""
     delimiters: int = 0
-    """Of these, 0x00 bytes."""
-    frame_bytes: int = 0
-    """Of these, inside frames with the right checksum (COBS form, without delimiters)."""
-    skipped_bytes: int = 0
-    """Of these, neither frame nor delimiter: damaged pieces, text, noise."""
-    pending_bytes: int = 0
-    """Of these, after the last delimiter: the start of a piece yet to end. At most ``MAX_PIECE_BYTES``."""
+    """0x00 bytes."""
     frames: int = 0
     """Frames with the right checksum."""
+    frame_bytes: int = 0
+    """Bytes inside these frames (COBS form, without delimiters)."""
+    skipped_bytes: int = 0
+    """Bytes that are neither frame nor delimiter: damaged pieces, text, noise."""
     cobs_errors: int = 0
     """Pieces that are not COBS."""
     crc_errors: int = 0
     """Pieces with a wrong checksum, or too short to have one."""
+
+
+@dataclass(frozen=True)
+class FrameCounters(PieceCounters):
+    """What a :class:`FrameDecoder` has met since it was made."""
+
+    bytes: int = 0
+    """Bytes fed."""
+    pending_bytes: int = 0
+    """Of these, after the last delimiter: the start of a piece yet to end. At most ``MAX_PIECE_BYTES``."""
     oversize: int = 0
     """Pieces of more than ``MAX_PIECE_BYTES``."""
     partial_starts: int = 0
@@ -92,6 +98,11 @@ class FrameDecoder:
         self._frame_bytes = 0
         self._skipped_bytes = 0
         self._rejected = {"cobs_errors": 0, "crc_errors": 0, "oversize": 0, "partial_starts": 0}
+
+    @property
+    def at_start(self) -> bool:
+        """True until the first delimiter is met: the next piece may be the rest of a frame."""
+        return self._at_start
 
     @property
     def counters(self) -> FrameCounters:
@@ -150,19 +161,20 @@ class FrameDecoder:
         packets = []
         for run in runs:
             if run:
-                packet = self._open(run)
+                packet = self.open_piece(run)
                 if packet is not None:
                     packets.append(packet)
             self._at_start = False
         return packets
 
-    def _open(self, run: bytes) -> bytes | None:
-        size = len(run)
+    def open_piece(self, piece: bytes) -> bytes | None:
+        """Return the packet in one piece (without delimiter), or None; count it either way."""
+        size = len(piece)
         if size > MAX_PIECE_BYTES:
             self._reject("oversize", size, at_start=self._at_start)
             return None
         try:
-            data = cobs.decode(run)
+            data = cobs.decode(piece)
         except cobs.DecodeError:
             self._reject("cobs_errors", size, at_start=self._at_start)
             return None
@@ -173,6 +185,15 @@ class FrameDecoder:
         self._frames += 1
         self._frame_bytes += size
         return packet
+
+    def count(self, counters: PieceCounters) -> None:
+        """Count pieces that were decoded elsewhere, many at once."""
+        self._delimiters += counters.delimiters
+        self._frames += counters.frames
+        self._frame_bytes += counters.frame_bytes
+        self._skipped_bytes += counters.skipped_bytes
+        self._rejected["cobs_errors"] += counters.cobs_errors
+        self._rejected["crc_errors"] += counters.crc_errors
 
     def _reject(self, cause: str, size: int, *, at_start: bool) -> None:
         self._rejected["partial_starts" if at_start else cause] += 1

@@ -1,0 +1,223 @@
+"""Many ORIENTATION frames at once, as numpy arrays: the same answers as one by one, some thirty times as fast.
+
+A block of bytes is split at its delimiters. The pieces of the commonest length are laid out as columns, one array per
+byte position, so that COBS and CRC become a few operations per position on all frames together. Whatever is not an
+ORIENTATION frame of that length is handed back for the slow path, with its place among the samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from firmware_protocol.codec import STREAMED
+from firmware_protocol.packets import Orientation, OrientationBatch, PacketType
+from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
+from firmware_protocol.serial_framing import CRC_BYTES, CRC_INITIAL, PieceCounters
+
+ByteArray = npt.NDArray[np.uint8]
+IntArray = npt.NDArray[np.int64]
+
+BLOCK_BYTES = 1 << 18
+"""Bytes handled together: enough to drown numpy's cost per call, few enough to stay in the second-level cache."""
+ORIENTATION_BYTES = STREAMED[PacketType.ORIENTATION].size
+SHORTEST_PIECE = ORIENTATION_BYTES + CRC_BYTES + 1
+LONGEST_PIECE = SHORTEST_PIECE + 32
+"""ORIENTATION of a newer minor version may be longer; beyond this the frames are read one by one."""
+
+
+class SampleArrays:
+    """Growing arrays of samples, allocated once for the most that a stretch of bytes can hold.
+
+    Parameters
+    ----------
+    n_bytes : int
+        Bytes of pieces, delimiters included, that will be decoded into these arrays.
+    """
+
+    def __init__(self, n_bytes: int) -> None:
+        capacity = n_bytes // (SHORTEST_PIECE + 1) + 1
+        self.sequence = np.empty(capacity, dtype=np.uint16)
+        self.device_time_us = np.empty(capacity, dtype="<u4")
+        self.quats_wxyz = np.empty((capacity, 4), dtype=np.float64)
+        self.flags = np.empty(capacity, dtype=np.uint8)
+        self.n = 0
+        """Samples held."""
+
+    def insert(self, positions: list[int], samples: list[Orientation]) -> None:
+        """Insert samples in front of those that are at ``positions`` now (ascending)."""
+        first = positions[0]
+        places = np.array(positions) - first
+        columns = (
+            (self.sequence, [sample.sequence for sample in samples]),
+            (self.device_time_us, [sample.device_time_us for sample in samples]),
+            (self.quats_wxyz, [sample.q_wxyz for sample in samples]),
+            (self.flags, [int(sample.flags) for sample in samples]),
+        )
+        for array, values in columns:
+            moved = np.insert(array[first : self.n], places, np.array(values, dtype=array.dtype), axis=0)
+            array[first : self.n + len(samples)] = moved
+        self.n += len(samples)
+
+    def batch(self, start: int, end: int) -> OrientationBatch:
+        """Return samples ``start`` to ``end`` as a batch, without copying."""
+        return OrientationBatch(
+            self.sequence[start:end], self.device_time_us[start:end], self.quats_wxyz[start:end], self.flags[start:end]
+        )
+
+
+@dataclass(frozen=True)
+class BlockReport:
+    """What became of one block, apart from the samples."""
+
+    pieces: PieceCounters
+    """Of the whole block, without the pieces in ``others``."""
+    malformed: int
+    """ORIENTATION packets with the norm off."""
+    extended: int
+    """Of the samples, those with fields of a newer minor version."""
+    others: list[tuple[int, bytes]]
+    """The pieces not looked at, in order, each with the number of the sample it stands in front of."""
+
+
+def block_end(pieces: bytes, start: int) -> int:
+    """Return where the block that begins at ``start`` ends: at a delimiter, after some ``BLOCK_BYTES``."""
+    end = pieces.rfind(b"\0", start, start + BLOCK_BYTES) + 1
+    return end or pieces.index(b"\0", start) + 1
+
+
+def _columns(block: bytes, starts: IntArray, length: int) -> ByteArray:
+    """Bytes of n pieces of one length as (length, n)."""
+    # Pieces lie anywhere. Seen as overlapping records of their length, one gather copies each in one go.
+    n_places = max(len(block) - length + 1, 0)
+    overlapping = np.ndarray((n_places,), dtype=f"V{length}", buffer=block, strides=(1,))
+    rows = overlapping[starts].view(np.uint8).reshape(-1, length)
+    return np.ascontiguousarray(rows.T)
+
+
+def _uncobs(columns: ByteArray) -> npt.NDArray[np.bool_]:
+    """Undo COBS in place on (length, n): the data is in rows 1 and on. Return which pieces were COBS.
+
+    A code says how far the next code is. A code that points past the end leaves the pointer where no row is: so does one
+    whose sum overflows, because it then points backwards.
+    """
+    pointer = columns[0].copy()
+    code = np.empty_like(pointer)
+    for row in range(1, len(columns)):
+        column = columns[row]
+        np.multiply(column, pointer == row, out=code)
+        np.bitwise_xor(column, code, out=column)  # where a code stood, a zero
+        np.add(pointer, code, out=pointer)
+    is_cobs: npt.NDArray[np.bool_] = pointer == len(columns)
+    return is_cobs
+
+
+def crc_columns(columns: ByteArray) -> tuple[ByteArray, ByteArray]:
+    """CRC-16/CCITT-FALSE of n packets of one length, given as columns (length, n): low and high bytes (n,).
+
+    One step per byte position by shifts alone: with x = high ⊕ byte and x ⊕= x >> 4, the new CRC is
+    (low << 8) ⊕ (x << 12) ⊕ (x << 5) ⊕ x.
+    """
+    n = columns.shape[1]
+    high = np.full(n, CRC_INITIAL >> 8, dtype=np.uint8)
+    low = np.full(n, CRC_INITIAL & 0xFF, dtype=np.uint8)
+    x = np.empty(n, dtype=np.uint8)
+    shifted = np.empty(n, dtype=np.uint8)
+    for column in columns:
+        np.bitwise_xor(high, column, out=x)
+        np.right_shift(x, 4, out=shifted)
+        np.bitwise_xor(x, shifted, out=x)
+        np.multiply(x, 16, out=shifted)  # numpy multiplies bytes four times as fast as it shifts them left
+        np.bitwise_xor(low, shifted, out=high)
+        np.right_shift(x, 3, out=shifted)
+        np.bitwise_xor(high, shifted, out=high)
+        np.multiply(x, 32, out=shifted)
+        np.bitwise_xor(x, shifted, out=low)
+    return low, high
+
+
+def decode_block(block: bytes, samples: SampleArrays) -> BlockReport:
+    """Append the samples in a block of whole pieces, each ended by its delimiter, to ``samples``."""
+    ends = np.flatnonzero(np.frombuffer(block, dtype=np.uint8) == 0)
+    lengths = np.diff(ends, prepend=-1) - 1
+    length = SHORTEST_PIECE + int(
+        np.argmax(np.bincount(lengths, minlength=LONGEST_PIECE + 1)[SHORTEST_PIECE : LONGEST_PIECE + 1])
+    )
+    grouped = lengths == length
+    pieces = np.flatnonzero(grouped)
+    starts = ends[pieces] - length
+
+    columns = _columns(block, starts, length)
+    is_cobs = _uncobs(columns)
+    packets = columns[1:-CRC_BYTES]
+    low, high = crc_columns(packets)
+    has_crc = (low == columns[-2]) & (high == columns[-1]) & is_cobs
+    is_sample = has_crc & (packets[0] == PacketType.ORIENTATION)
+    n_good = int(np.count_nonzero(is_sample))
+    if n_good < len(pieces):
+        packets = packets[:, is_sample]
+        sample_pieces = pieces[is_sample]
+    else:
+        sample_pieces = pieces
+    components = [_int16(packets, row) for row in (7, 9, 11, 13)]
+    square = _square(components)
+    in_range = (square >= Q15_MIN_SQUARE) & (square <= Q15_MAX_SQUARE)
+    malformed = len(square) - int(np.count_nonzero(in_range))
+    if malformed:
+        packets = packets[:, in_range]
+        sample_pieces = sample_pieces[in_range]
+        square = square[in_range]
+        components = [component[in_range] for component in components]
+
+    first = samples.n
+    n = len(square)
+    last = samples.n = first + n
+    samples.sequence[first:last] = _int16(packets, 1).view(np.uint16)
+    times = samples.device_time_us[first:last].view(np.uint8).reshape(n, 4)
+    for k in range(4):
+        times[:, k] = packets[3 + k]
+    samples.flags[first:last] = packets[15]
+    scale = 1.0 / np.sqrt(square.astype(np.float64))
+    for k in range(4):
+        np.multiply(components[k], scale, out=samples.quats_wxyz[first:last, k])
+
+    n_frames = int(np.count_nonzero(has_crc))
+    n_cobs = len(pieces) - int(np.count_nonzero(is_cobs))
+    left_over = (lengths > 0) & ~grouped
+    n_foreign = n_frames - n_good
+    if n_foreign:
+        left_over[pieces[has_crc & ~is_sample]] = True
+    other = np.flatnonzero(left_over)
+    before = first + np.searchsorted(sample_pieces, other)
+    others = [
+        (position, block[end - size : end])
+        for position, end, size in zip(before.tolist(), ends[other].tolist(), lengths[other].tolist(), strict=True)
+    ]
+    counters = PieceCounters(
+        delimiters=len(ends),
+        frames=n_good,
+        frame_bytes=n_good * length,
+        skipped_bytes=(len(pieces) - n_frames) * length,
+        cobs_errors=n_cobs,
+        crc_errors=len(pieces) - n_frames - n_cobs,
+    )
+    return BlockReport(counters, malformed, n if length > SHORTEST_PIECE else 0, others)
+
+
+def _int16(packets: ByteArray, row: int) -> npt.NDArray[np.int16]:
+    values: npt.NDArray[np.uint16] = packets[row + 1].astype(np.uint16)
+    np.multiply(values, 256, out=values)
+    np.bitwise_or(values, packets[row], out=values)
+    return values.view(np.int16)
+
+
+def _square(components: list[npt.NDArray[np.int16]]) -> npt.NDArray[np.uint32]:
+    """Sum of squares, exact: only four times -32768 overflows, to a zero that no norm allows."""
+    total = np.zeros(len(components[0]), dtype=np.uint32)
+    for component in components:
+        wide = component.astype(np.int32)
+        np.multiply(wide, wide, out=wide)
+        np.add(total, wide.view(np.uint32), out=total)
+    return total
