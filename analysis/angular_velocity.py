@@ -6,7 +6,7 @@ nothing is cut at ±180°. ω is in world axes, so a different mounting of the s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ MIN_STEP_S = 1e-4
 
 _BLOCK = 32768  # grid points worked on at once: bounds the scratch memory whatever the length
 _SPEED_SIGMA_S = 0.5
+_NOISE_SIGMA_S = 0.12
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,10 @@ class Motion:
             self.speed[first:last],
             self.threshold,
         )
+
+    def smoothed(self, sigma_s: float) -> Motion:
+        """Smooth ω further with a Gaussian, s; 0 leaves it as it is."""
+        return replace(self, omega=_gaussian(self.omega, sigma_s * self.rate_hz)) if sigma_s > 0.0 else self
 
     def active(self) -> tuple[int, int]:
         """First and last (excluded) grid interval whose speed counts as moving; (0, 0) where nothing moves."""
@@ -103,7 +108,8 @@ def angular_velocity(
         smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
         steps = rotations.log(rotations.difference(smooth[1:], smooth[:-1])) * rate_hz
         omega[start:stop] = steps[start - first : stop - first]
-    speed = _gaussian(np.linalg.norm(omega, axis=1), _SPEED_SIGMA_S * rate_hz)
+    steady = _gaussian(omega, _NOISE_SIGMA_S * rate_hz)  # hours of noise at rest must not outweigh a minute of motion
+    speed = _gaussian(np.linalg.norm(steady, axis=1), _SPEED_SIGMA_S * rate_hz)
     return Motion(float(times_s[0]), rate_hz, omega, speed, moving_share * _working_speed(speed))
 
 

@@ -19,6 +19,8 @@ class CycleSettings:
     """Gaussian smoothing of the orientation, s. End points themselves are averaged from unsmoothed samples."""
     moving_share: float = 0.15
     """The object moves where its speed is above this share of its working speed."""
+    more_sigma_s: tuple[float, ...] = (0.1, 0.25)
+    """Further smoothing of ω tried, one after the other, where the period is unsure, s; at most 1/15 of a period."""
     min_period_s: float = 0.4
     """Shortest period looked for, s."""
     max_period_s: float = 120.0
@@ -41,6 +43,8 @@ class CycleSettings:
     """Distance between end points that makes a regular cycle, periods."""
     swing: tuple[float, float] = (0.6, 1.6)
     """Travel to and from an end point that makes a regular cycle, shares of the range of motion."""
+    even_swings: tuple[float, float] = (0.75, 1.33)
+    """Swings of one size: every swing is a cycle even where tempo changes hide the period, shares of the median."""
     pause: float = 1.6
     """A longer distance between end points splits the trial into runs, periods."""
     dwell_depth: float = 0.1
@@ -49,12 +53,28 @@ class CycleSettings:
     """Samples this near to the end point are averaged, with weights falling linearly to 0, periods."""
     max_gap: float = 0.05
     """An end point between samples further apart than this is refused, periods."""
+    min_likeness: float = 0.75
+    """Correlation of the cycles with each other below which there is no claim."""
     max_irregularity: float = 0.35
-    """Relative spread of spacing and swings above which the motion repeats nothing, and there is no claim."""
+    """Relative spread of spacing and swings above which there is no claim."""
+    max_rests: float = 3.0
+    """As many rests per cycle make grasp-and-release, if ``max_rest_share`` is passed and the motion is mixed."""
+    max_rest_share: float = 0.35
+    """Share of the time at rest, see ``max_rests``."""
+    pure_axis_share: float = 0.9
+    """Motion about one axis as much as this, and as alike as ``sure_likeness``, is never grasp-and-release."""
+    sure_likeness: float = 0.9
+    """Likeness of cycles, see ``pure_axis_share``."""
     max_advance: float = 0.6
     """Net turn per cycle as a share of the range of motion above which the motion is one-way."""
     min_endpoints: int = 3
     """Fewer end points than this make no score."""
+    short_period_s: float = 0.6
+    """A shorter period than this makes a warning, s."""
+    max_tempo_change: float = 0.4
+    """Range of the distances between end points that makes a warning, periods."""
+    max_noise: float = 0.08
+    """Noise of a single sample that makes a warning, share of the range of motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +151,10 @@ class CycleAnalysis:
     """Share of the motion about the motion axis: 1 for one axis, 0.5 for circular motion."""
     swing_deg: float = 0.0
     """Range of motion about the motion axis, deg."""
+    likeness: float = 0.0
+    """Median correlation of a cycle's angular velocity with the mean of the others, −1 to 1."""
+    irregularity: float = 0.0
+    """Relative spread of spacing and swings."""
     active_s: tuple[float, float] | None = None
     """First and last moment the object moves, s."""
     endpoints: tuple[Endpoint, ...] = ()

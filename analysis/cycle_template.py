@@ -9,6 +9,7 @@ from analysis.turning_points import TurningPoints
 
 _MIN_LIKENESS = 0.3
 _MIN_ENERGY_SHARE = 0.1
+_MIN_SPACING = 0.7
 _ROUNDS = 3
 _SEARCH_PERIODS = 0.15
 
@@ -27,13 +28,14 @@ def locked_cycles(omega: FloatArray, period: int) -> IntArray:
 
     Returns
     -------
-    (c,) grid intervals where cycles start, at least 0.6 periods apart.
+    (c,) grid intervals where cycles start, at least 0.7 periods apart; the first may be negative: a piece of a cycle.
     """
     from scipy import signal  # slow to import
 
-    m = len(omega)
-    if period < 4 or m < 2 * period:
+    if period < 4 or len(omega) < 2 * period:
         return np.empty(0, dtype=np.int64)
+    # The cut between cycles falls anywhere: at both ends there may be a piece of a cycle, and rest beyond it.
+    omega = np.pad(omega, ((period, period), (0, 0)))
     power = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", omega, omega))))
     energy = np.maximum(power[period:] - power[:-period], 1e-300)  # of the window starting at each interval
     products = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", omega[period:], omega[:-period]))))
@@ -42,19 +44,19 @@ def locked_cycles(omega: FloatArray, period: int) -> IntArray:
     likeness[energy[: len(overlap)] < _MIN_ENERGY_SHARE * np.median(energy)] = -1.0
     seed = int(np.argmax(likeness))
     template = omega[seed : seed + period]
-    starts = np.array([seed], dtype=np.int64)
+    starts = np.empty(0, dtype=np.int64)
     for _ in range(_ROUNDS):
         own = float(np.einsum("ij,ij->", template, template))
         match = sum(signal.oaconvolve(omega[:, k], template[::-1, k], mode="valid") for k in range(3))
         likeness = np.asarray(match, dtype=np.float64) / np.sqrt(energy * own)
         likeness[energy < _MIN_ENERGY_SHARE * own] = -1.0
         padded = np.concatenate(([-2.0], likeness, [-2.0]))
-        peaks, _ = signal.find_peaks(padded, height=_MIN_LIKENESS, distance=max(int(0.6 * period), 1))
+        peaks, _ = signal.find_peaks(padded, height=_MIN_LIKENESS, distance=max(int(_MIN_SPACING * period), 1))
         if len(peaks) == 0:
             break
         starts = np.asarray(peaks, dtype=np.int64) - 1
         template = np.mean([omega[start : start + period] for start in starts[:2000]], axis=0)
-    return starts
+    return starts - period
 
 
 def template_turning_points(angle: FloatArray, starts: IntArray, period: int) -> TurningPoints:
@@ -72,18 +74,16 @@ def template_turning_points(angle: FloatArray, starts: IntArray, period: int) ->
     period
         Grid intervals per cycle.
     """
-    whole = starts[starts + period < len(angle)]
+    whole = starts[(starts >= 0) & (starts + period < len(angle))]
     if len(whole) == 0:
         return TurningPoints(np.empty(0, dtype=np.int64), np.empty(0, dtype=bool))
     mean = np.mean([angle[start : start + period + 1] - angle[start] for start in whole[:2000]], axis=0)
     mean -= np.linspace(mean[0], mean[-1], period + 1)
     phases = {True: int(np.argmax(mean[:-1])), False: int(np.argmin(mean[:-1]))}
-    # The cut between cycles falls anywhere, so an extreme may lie one cycle before the first or after the last.
-    cycles = np.concatenate(([starts[0] - period], starts, [starts[-1] + period]))
     reach = max(int(_SEARCH_PERIODS * period), 1)
     found: dict[int, bool] = {}
     for upper, phase in phases.items():
-        for target in (cycles + phase).tolist():
+        for target in (starts + phase).tolist():
             first, last = target - reach, target + reach + 1
             if first < 0 or last > len(angle):
                 continue

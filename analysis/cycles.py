@@ -17,6 +17,7 @@ import numpy as np
 from analysis.angular_velocity import Motion, angular_velocity, usable_rows
 from analysis.cycle_analysis import CycleAnalysis, CycleSettings, Endpoint, LeftOut, Run
 from analysis.cycle_template import locked_cycles, template_turning_points
+from analysis.cycle_verdict import why_no_period, with_verdict
 from analysis.endpoints import Extremes, Samples, gate_ends, measure, split_runs, with_flags
 from analysis.motion_axis import AxisAngle, motion_axis
 from analysis.period import Period, find_period
@@ -56,8 +57,8 @@ def find_cycles(
     settings
         Numbers of the method; the defaults suit every recording.
     window
-        (from, to) in the time of the series, s: only end points inside are taken, all of them, and period and axis
-        come from this part alone. None finds the window: from the first to the last regular cycle.
+        (from, to) in the time of the series, s: end points whose dwell touches it are taken, all of them, and the
+        period comes from this part alone. None finds the window: from the first to the last regular cycle.
 
     Returns
     -------
@@ -74,25 +75,35 @@ def find_cycles(
         return replace(nothing, reasons=("the object does not move",))
     active_s = (motion.start_s + first / motion.rate_hz, motion.start_s + last / motion.rate_hz)
     nothing = replace(nothing, active_s=active_s)
-    period = find_period(
-        motion.omega[first:last],
-        motion.rate_hz,
-        min_period_s=settings.min_period_s,
-        max_period_s=settings.max_period_s,
-        peak_share=settings.peak_share,
-    )
+    period, smooth_s = _period(motion.part(first, last), settings)
     if period is None or period.confidence < settings.min_confidence:
         return replace(
             nothing,
-            reasons=(_no_period(motion.part(first, last), period, settings),),
+            reasons=(why_no_period(motion.part(first, last), period, settings),),
             period_confidence=0.0 if period is None else period.confidence,
         )
     if window is not None:  # the travel to the first and from the last end point may lie outside the window
         margin = int(period.seconds * motion.rate_hz)
         first, last = first - margin, last + margin
-    part = motion.part(first, last)
-    turning = motion_axis(part, period.seconds, sigma_periods=settings.axis_sigma)
-    return _with_endpoints(nothing, series, part, turning, period)
+    return _with_endpoints(nothing, series, motion.part(first, last), period, smooth_s)
+
+
+def _period(motion: Motion, settings: CycleSettings) -> tuple[Period | None, float]:
+    """Find the period, smoothing ω further (by σ of the seconds returned) only where noise hides it."""
+    best: tuple[Period | None, float] = (None, 0.0)
+    for sigma_s in (0.0, *settings.more_sigma_s):
+        period = find_period(
+            motion.smoothed(sigma_s).omega,
+            motion.rate_hz,
+            min_period_s=max(settings.min_period_s, 15.0 * sigma_s),
+            max_period_s=settings.max_period_s,
+            peak_share=settings.peak_share,
+        )
+        if period is not None and (best[0] is None or period.confidence > best[0].confidence):
+            best = (period, sigma_s)
+        if period is not None and period.confidence >= settings.sure_confidence:
+            break
+    return best
 
 
 def _active(motion: Motion, window: tuple[float, float] | None) -> tuple[int, int]:
@@ -103,21 +114,11 @@ def _active(motion: Motion, window: tuple[float, float] | None) -> tuple[int, in
     return start + first, start + last
 
 
-def _no_period(motion: Motion, period: Period | None, settings: CycleSettings) -> str:
-    """Why no period was found, as far as the motion itself shows."""
-    seconds = 1.0 / motion.rate_hz
-    net = float(np.linalg.norm(motion.omega.sum(axis=0))) * seconds
-    path = float(np.linalg.norm(motion.omega, axis=1).sum()) * seconds
-    if net > 0.5 * path:
-        return f"one-way rotation: {np.degrees(net):.0f}° of {np.degrees(path):.0f}° turned in one direction"
-    found = "none found" if period is None else f"autocorrelation {period.confidence:.2f} at {period.seconds:.2f} s"
-    return f"no period: {found}, needs {settings.min_confidence}"
-
-
 def _with_endpoints(
-    nothing: CycleAnalysis, series: OrientationSeries, motion: Motion, turning: AxisAngle, period: Period
+    nothing: CycleAnalysis, series: OrientationSeries, motion: Motion, period: Period, smooth_s: float
 ) -> CycleAnalysis:
     settings = nothing.settings
+    turning = motion_axis(motion, period.seconds, sigma_periods=settings.axis_sigma, smooth_s=smooth_s)
     swing_deg = float(np.degrees(turning.swing_rad))
     result = replace(
         nothing,
@@ -129,7 +130,11 @@ def _with_endpoints(
     )
     if swing_deg < settings.min_swing_deg:
         return replace(result, reasons=(f"range of motion {swing_deg:.2f}°, needs {settings.min_swing_deg}°",))
-    found, humps = _turning_points(motion, turning, period.seconds, settings)
+    found, humps = _turning_points(motion, turning, period, settings)
+    if humps == 0:  # every swing is a cycle, of changing length: the autocorrelation saw several as one
+        spacing = np.concatenate([np.diff(found.points[found.upper == kind]) for kind in (True, False)])
+        period = Period(float(np.median(spacing)) / motion.rate_hz, period.confidence)
+        result, humps = replace(result, period_s=period.seconds), 1
     rows = usable_rows(series.times_s)
     times_s = series.times_s[rows]
     samples = Samples(times_s, series.quats_wxyz[rows], series.index[rows], float(np.median(np.diff(times_s))))
@@ -158,26 +163,40 @@ def _with_endpoints(
         left_out=tuple(sorted(left_out, key=lambda item: item.time_s)),
         humps=humps,
     )
-    return _judge(result, samples, period)
+    return with_verdict(result, motion, turning, samples, period)
 
 
 def _turning_points(
-    motion: Motion, turning: AxisAngle, period_s: float, settings: CycleSettings
+    motion: Motion, turning: AxisAngle, period: Period, settings: CycleSettings
 ) -> tuple[TurningPoints, int]:
-    """Find one turning point of each kind per cycle, and how many the bare hysteresis found."""
-    period = period_s * motion.rate_hz
+    """Find one turning point of each kind per cycle, and how many per cycle the bare hysteresis found.
+
+    Zero stands for: one each, but the period is wrong.
+    """
+    length = period.seconds * motion.rate_hz
     found = turning_points(turning.angle_rad, settings.hysteresis * turning.swing_rad)
-    spacing = np.concatenate([np.diff(found.points[found.upper == kind]) for kind in (True, False)]) / period
+    spacing = np.concatenate([np.diff(found.points[found.upper == kind]) for kind in (True, False)]) / length
     if len(spacing) == 0:
         return found, 1
     low, high = settings.spacing
     if low <= np.median(spacing) <= high and np.mean(spacing < low) < 0.2:
-        return without_short_pairs(found, turning.angle_rad, 0.5 * period), 1
-    starts = locked_cycles(motion.omega, round(period))
+        return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
+    if period.confidence < settings.sure_confidence and _even_swings(found, turning.angle_rad, settings):
+        return found, 0
+    starts = locked_cycles(motion.omega, round(length))
     if len(starts) < 2:
         return found, 1
     humps = max(round(1.0 / float(np.median(spacing))), 1)
-    return template_turning_points(turning.angle_rad, starts, round(period)), humps
+    return template_turning_points(turning.angle_rad, starts, round(length)), humps
+
+
+def _even_swings(found: TurningPoints, angle: FloatArray, settings: CycleSettings) -> bool:
+    """Whether four fifths of all swings are of one size: then each there-and-back is a cycle, whatever its length."""
+    travel = np.abs(np.diff(angle[found.points]))
+    size = travel / np.median(travel)
+    return (
+        len(travel) >= 5 and float(np.mean((size > settings.even_swings[0]) & (size < settings.even_swings[1]))) >= 0.8
+    )
 
 
 def _candidate(
@@ -201,30 +220,5 @@ def _candidate(
 
 
 def _inside(point: Endpoint, window: tuple[float, float]) -> bool:
-    return window[0] <= point.time_s <= window[1]
-
-
-def _judge(result: CycleAnalysis, samples: Samples, period: Period) -> CycleAnalysis:
-    """Reasons against scoring, and warnings."""
-    settings, points = result.settings, result.endpoints
-    reasons: list[str] = []
-    warnings: list[str] = []
-    if len(points) < settings.min_endpoints:
-        reasons.append(f"fewer than {settings.min_endpoints} cycles: {len(points)} end points found")
-    spacing_s = np.diff([point.time_s for point in points])
-    period_s = float(np.median(spacing_s)) if len(spacing_s) else period.seconds
-    if period.confidence < settings.sure_confidence:
-        warnings.append(f"cycles differ much: autocorrelation at the period only {period.confidence:.2f}")
-    if result.axis_share < settings.min_axis_share:
-        warnings.append(f"motion axis ambiguous: only {result.axis_share:.0%} of the motion is about one axis")
-    if period_s < 0.6:
-        warnings.append(f"period of {period_s:.2f} s: end points are uncertain below 0.6 s")
-    if samples.usual_step_s > settings.max_gap * period_s:
-        warnings.append(f"sampled coarsely: {period_s / samples.usual_step_s:.0f} samples per cycle")
-    if len(spacing_s) >= 3 and np.ptp(spacing_s) > 0.4 * period_s:
-        warnings.append(f"tempo changes: cycles last {spacing_s.min():.2f} to {spacing_s.max():.2f} s")
-    if len(result.runs) > 1:
-        warnings.append(f"{len(result.runs)} runs with pauses between them: only the longest is scored")
-    if any("gap" in item.reason for item in result.left_out if item.primary):
-        warnings.append("end points inside gaps in the data are refused")
-    return replace(result, valid=not reasons, reasons=tuple(reasons), warnings=tuple(warnings), period_s=period_s)
+    """Whether the dwell of an end point touches the window: a window may be cut at the end points themselves."""
+    return window[0] - 0.5 * point.dwell_s <= point.time_s <= window[1] + 0.5 * point.dwell_s

@@ -35,7 +35,7 @@ class AxisAngle:
         return np.asarray(mean if mean[np.argmax(np.abs(mean))] > 0.0 else -mean, dtype=np.float64)
 
 
-def motion_axis(motion: Motion, period_s: float, *, sigma_periods: float) -> AxisAngle:
+def motion_axis(motion: Motion, period_s: float, *, sigma_periods: float, smooth_s: float = 0.0) -> AxisAngle:
     """Top eigenvector of ωωᵀ under a Gaussian window, and the angle about it.
 
     Taken from ω and not from the poses: where drift is strong, the poses spread along the *drift* axis.
@@ -48,19 +48,21 @@ def motion_axis(motion: Motion, period_s: float, *, sigma_periods: float) -> Axi
         Length of one cycle, s.
     sigma_periods
         Standard deviation of the window in periods.
+    smooth_s
+        Further smoothing of ω for the axis (not for the angle), s: where noise would blur it.
     """
     from scipy import ndimage  # slow to import
 
     omega, rate = motion.omega, motion.rate_hz
-    m = len(omega)
+    m, smooth = len(omega), motion.smoothed(smooth_s).omega
     width = max(int(period_s * rate / _BINS_PER_PERIOD), 1)
     edges = np.arange(0, m, width)
     upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
     tensor = np.empty((len(edges), 3, 3))
     for row, column in upper:
-        sums = np.add.reduceat(omega[:, row] * omega[:, column], edges)
-        smooth = ndimage.gaussian_filter1d(sums, sigma_periods * period_s * rate / width, mode="constant")
-        tensor[:, row, column] = tensor[:, column, row] = smooth
+        sums = np.add.reduceat(smooth[:, row] * smooth[:, column], edges)
+        local = ndimage.gaussian_filter1d(sums, sigma_periods * period_s * rate / width, mode="constant")
+        tensor[:, row, column] = tensor[:, column, row] = local
     values, vectors = np.linalg.eigh(tensor)
     axes = vectors[:, :, -1]
     flips = np.einsum("ij,ij->i", axes[1:], axes[:-1]) < 0.0

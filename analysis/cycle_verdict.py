@@ -1,0 +1,119 @@
+"""Whether the end points found may be scored, and what to keep in mind: reasons and warnings in plain words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.angular_velocity import Motion
+from analysis.cycle_analysis import CycleAnalysis, CycleSettings
+from analysis.cycle_likeness import irregularity, likeness, rests, sample_noise_rad
+from analysis.endpoints import Samples
+from analysis.motion_axis import AxisAngle
+from analysis.period import Period
+
+
+def why_no_period(motion: Motion, period: Period | None, settings: CycleSettings) -> str:
+    """Say why no period was found, as far as the motion itself shows."""
+    seconds = 1.0 / motion.rate_hz
+    net_deg = float(np.degrees(np.linalg.norm(motion.omega.sum(axis=0)) * seconds))
+    path_deg = float(np.degrees(np.linalg.norm(motion.omega, axis=1).sum() * seconds))
+    if net_deg > 0.5 * path_deg:
+        return f"one-way rotation: {net_deg:.0f}° of {path_deg:.0f}° turned in one direction"
+    found = "none found" if period is None else f"autocorrelation {period.confidence:.2f} at {period.seconds:.2f} s"
+    return f"no period: {found}, needs {settings.min_confidence}"
+
+
+def with_verdict(
+    result: CycleAnalysis, motion: Motion, turning: AxisAngle, samples: Samples, period: Period
+) -> CycleAnalysis:
+    """Fill in ``valid``, ``reasons``, ``warnings``, ``likeness``, ``irregularity`` and the period of the end points.
+
+    Parameters
+    ----------
+    result
+        With end points.
+    motion, turning
+        What they were found in.
+    samples
+        What they were measured from.
+    period
+        From the autocorrelation.
+    """
+    points = result.endpoints
+    times_s = np.array([point.time_s for point in points])
+    spacing_s = np.diff(times_s)
+    result = replace(
+        result,
+        period_s=float(np.median(spacing_s)) if len(spacing_s) else period.seconds,
+        likeness=likeness(motion.smoothed(period.seconds / 40.0), times_s) if len(points) >= 3 else 0.0,
+        irregularity=irregularity(times_s, np.array([p.prominence_deg for p in points])) if len(points) >= 3 else 0.0,
+    )
+    let_go = _grasp_and_release(result, motion)
+    reasons = _reasons(result, motion, turning) + ([f"looks like grasp-and-release: {let_go}"] if let_go else [])
+    warnings = _warnings(result, period)
+    if let_go:
+        warnings.append("looks like grasp-and-release trials: no drift can be claimed")
+    noise_deg = float(np.degrees(sample_noise_rad(samples.quats_wxyz)))
+    if noise_deg > result.settings.max_noise * result.swing_deg:
+        warnings.append(f"noise of {noise_deg:.2g}° per sample is large for a swing of {result.swing_deg:.3g}°")
+    if samples.usual_step_s > result.settings.max_gap * result.period_s:
+        warnings.append(f"sampled coarsely: {result.period_s / samples.usual_step_s:.0f} samples per cycle")
+    return replace(result, valid=not reasons, reasons=tuple(reasons), warnings=tuple(warnings))
+
+
+def _grasp_and_release(result: CycleAnalysis, motion: Motion) -> str:
+    """Say what shows that the object is let go and taken up again; empty where nothing does."""
+    settings, points = result.settings, result.endpoints
+    if len(points) < 3 or (result.axis_share > settings.pure_axis_share and result.likeness > settings.sure_likeness):
+        return ""
+    first, last = (round((p.time_s - motion.start_s) * motion.rate_hz) for p in (points[0], points[-1]))
+    number, share = rests(motion.part(first, last), result.period_s)
+    if number < settings.max_rests or share < settings.max_rest_share:
+        return ""
+    return f"{number:.1f} rests per cycle, {share:.0%} of the time, about no one axis"
+
+
+def _reasons(result: CycleAnalysis, motion: Motion, turning: AxisAngle) -> list[str]:
+    settings, points = result.settings, result.endpoints
+    angle = turning.angle_rad
+    if len(points) < settings.min_endpoints:
+        net = float(abs(angle[-1] - angle[0]))
+        if net > 0.5 * float(np.abs(np.diff(angle)).sum()):
+            return [f"one-way rotation: {np.degrees(net):.0f}° turned in one direction, never back"]
+        return [f"fewer than {settings.min_endpoints} cycles: {len(points)} end points found"]
+    reasons = []
+    at = [round((point.time_s - motion.start_s) * motion.rate_hz) for point in (points[0], points[-1])]
+    advance_deg = float(np.degrees(abs(angle[at[1]] - angle[at[0]]))) / (len(points) - 1)
+    if advance_deg > settings.max_advance * result.swing_deg:
+        reasons.append(f"one-way rotation: advances {advance_deg:.1f}° per cycle at a swing of {result.swing_deg:.1f}°")
+    if result.likeness < settings.min_likeness:
+        reasons.append(f"cycles do not repeat: likeness {result.likeness:.2f}, needs {settings.min_likeness}")
+    if result.irregularity > settings.max_irregularity:
+        reasons.append(
+            f"cycles do not repeat: spacing and swing vary by {result.irregularity:.0%}, "
+            f"at most {settings.max_irregularity:.0%}"
+        )
+    return reasons
+
+
+def _warnings(result: CycleAnalysis, period: Period) -> list[str]:
+    settings, points = result.settings, result.endpoints
+    spacing_s = np.diff([point.time_s for point in points])
+    warnings = []
+    if period.confidence < settings.sure_confidence:
+        warnings.append(f"cycles differ much: autocorrelation at the period only {period.confidence:.2f}")
+    if result.axis_share < settings.min_axis_share:
+        warnings.append(f"motion axis ambiguous: only {result.axis_share:.0%} of the motion is about one axis")
+    if result.period_s < settings.short_period_s:
+        warnings.append(
+            f"period of {result.period_s:.2f} s: end points are uncertain below {settings.short_period_s} s"
+        )
+    if len(spacing_s) >= 3 and np.ptp(spacing_s) > settings.max_tempo_change * result.period_s:
+        warnings.append(f"tempo changes: cycles last {spacing_s.min():.2f} to {spacing_s.max():.2f} s")
+    if len(result.runs) > 1:
+        warnings.append(f"{len(result.runs)} runs with pauses between them: only the longest is scored")
+    if any("gap" in item.reason for item in result.left_out if item.primary):
+        warnings.append("end points inside gaps in the data are refused")
+    return warnings
