@@ -1,0 +1,216 @@
+"""The bundle as a file: a zip with the same bytes for the same content, and a reader that trusts nothing.
+
+Written: entries sorted, stored with fixed time stamps and attributes, deflate at a fixed level; ``SHA256SUMS`` lists
+every other file (``sha256sum -c SHA256SUMS`` checks it too). Read: number of entries, size of each, sum of sizes, ratio
+of compression, names that leave the folder, links, duplicates and encryption are limited or refused before anything is
+unpacked, and the limits are counted on what really comes out, not on what the headers claim. Nothing is ever written
+to disk while reading.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import stat
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from analysis.reporting.errors import BundleError
+
+MANIFEST = "SHA256SUMS"
+ZIP_TIME = (1980, 1, 1, 0, 0, 0)
+"""The earliest time a zip can hold; every entry has it."""
+DEFLATE_LEVEL = 6
+
+MAX_ENTRIES = 20_000
+MAX_FILE_BYTES = 2**30
+MAX_TOTAL_BYTES = 2 * 2**30
+MAX_RATIO = 200
+"""Deflate reaches 1032 at most, and only on nothing but zeros; a recording reaches 3, a CSV 5, a blank SVG some 20."""
+RATIO_FREE_BYTES = 10 * 2**20
+"""Below this size no ratio is suspicious."""
+MAX_NAME = 240
+_BLOCK = 2**20
+_READ_ERRORS = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError, RuntimeError)
+
+
+@dataclass(frozen=True)
+class BundleLimits:
+    """What a bundle may be at most."""
+
+    entries: int = MAX_ENTRIES
+    """Number of files."""
+    file_bytes: int = MAX_FILE_BYTES
+    """Size of one unpacked file, B."""
+    total_bytes: int = MAX_TOTAL_BYTES
+    """Sum of the unpacked files, B."""
+    ratio: float = MAX_RATIO
+    """Unpacked over packed, beyond ``RATIO_FREE_BYTES``."""
+
+
+def manifest_text(files: Mapping[str, bytes]) -> str:
+    """Write the manifest: one line ``sha256  name`` per file, sorted by name.
+
+    Parameters
+    ----------
+    files
+        Content by name; a manifest among them is left out.
+    """
+    return "".join(f"{hashlib.sha256(files[name]).hexdigest()}  {name}\n" for name in sorted(files) if name != MANIFEST)
+
+
+def bundle_bytes(files: Mapping[str, bytes]) -> bytes:
+    """Make the zip, with its manifest; the same content gives the same bytes.
+
+    Parameters
+    ----------
+    files
+        Content by name (forward slashes), without the manifest.
+
+    Raises
+    ------
+    BundleError
+        A name that a reader would refuse.
+    """
+    everything = dict(files)
+    everything[MANIFEST] = manifest_text(files).encode()
+    for name in everything:
+        _check_name(name)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(everything):
+            entry = zipfile.ZipInfo(name, ZIP_TIME)
+            entry.external_attr = (stat.S_IFREG | 0o644) << 16
+            entry.create_system = 3  # the same on Windows
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, everything[name], compresslevel=DEFLATE_LEVEL)
+    return buffer.getvalue()
+
+
+def read_bundle(path: Path, limits: BundleLimits | None = None) -> dict[str, bytes]:
+    """Read every file of a bundle into memory, within limits.
+
+    Parameters
+    ----------
+    path
+        The zip.
+    limits
+        What it may be at most.
+
+    Returns
+    -------
+    Content by name, the manifest included.
+
+    Raises
+    ------
+    BundleError
+        Not a zip, damaged, or refused; one sentence says why.
+    """
+    limits = limits or BundleLimits()
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            _check_entries(entries, limits)
+            files: dict[str, bytes] = {}
+            room = limits.total_bytes
+            for entry in entries:
+                files[entry.filename] = _content(archive, entry, min(room, limits.file_bytes))
+                room -= len(files[entry.filename])
+    except BundleError:
+        raise
+    except FileNotFoundError as error:
+        raise BundleError(f"there is no file {path}") from error
+    except _READ_ERRORS as error:
+        raise BundleError(f"{path.name} is not a readable zip ({type(error).__name__}: {error})") from error
+    return files
+
+
+def check_manifest(files: Mapping[str, bytes]) -> tuple[str, ...]:
+    """Compare every file with the manifest.
+
+    Returns
+    -------
+    One sentence for each file that is altered, missing or not listed; empty when all is well.
+
+    Raises
+    ------
+    BundleError
+        There is no manifest, or a line of it is not one.
+    """
+    if MANIFEST not in files:
+        raise BundleError(f"there is no {MANIFEST}: this is not a bundle of rotdrift")
+    listed: dict[str, str] = {}
+    for number, line in enumerate(files[MANIFEST].decode("utf-8", "replace").splitlines(), start=1):
+        digest, gap, name = line[:64], line[64:66], line[66:]
+        if gap != "  " or len(digest) != 64 or not set(digest) <= set("0123456789abcdef") or name in listed:
+            raise BundleError(f"line {number} of {MANIFEST} is not a checksum and a name")
+        listed[name] = digest
+    found = []
+    for name in sorted(set(listed) | set(files) - {MANIFEST}):
+        if name not in files:
+            found.append(f"{name} is missing")
+        elif name not in listed:
+            found.append(f"{name} is not in {MANIFEST}")
+        elif hashlib.sha256(files[name]).hexdigest() != listed[name]:
+            found.append(f"{name} is not what {MANIFEST} says: it was altered")
+    return tuple(found)
+
+
+def _check_entries(entries: list[zipfile.ZipInfo], limits: BundleLimits) -> None:
+    if len(entries) > limits.entries:
+        raise BundleError(f"refused: {len(entries)} files, more than {limits.entries}")
+    seen: set[str] = set()
+    total = 0
+    for entry in entries:
+        _check_name(entry.filename)
+        kind = stat.S_IFMT(entry.external_attr >> 16)
+        if kind not in {0, stat.S_IFREG}:
+            raise BundleError(f"refused: {shown(entry.filename)} is a link or device, not a file")
+        if entry.flag_bits & 0x1:
+            raise BundleError(f"refused: {shown(entry.filename)} is encrypted")
+        if entry.filename.lower() in seen:
+            raise BundleError(f"refused: {shown(entry.filename)} is there twice")
+        seen.add(entry.filename.lower())
+        total += entry.file_size
+        if entry.file_size > limits.file_bytes or total > limits.total_bytes:
+            raise BundleError(f"refused: {shown(entry.filename)} claims {entry.file_size} bytes, {total} in all so far")
+        if entry.file_size > RATIO_FREE_BYTES and entry.file_size > limits.ratio * max(entry.compress_size, 1):
+            raise BundleError(
+                f"refused: {shown(entry.filename)} would unpack to {entry.file_size / max(entry.compress_size, 1):.0f} "
+                "times its size"
+            )
+
+
+def _content(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, most: int) -> bytes:
+    parts, size = [], 0
+    with archive.open(entry) as file:
+        while block := file.read(_BLOCK):
+            size += len(block)
+            if size > most or size > entry.file_size:
+                raise BundleError(f"refused: {shown(entry.filename)} unpacks to more than it claims")
+            parts.append(block)
+    return b"".join(parts)
+
+
+def _check_name(name: str) -> None:
+    """Refuse every name that could mean another place on some system."""
+    path = PurePosixPath(name)
+    if (
+        not name
+        or len(name) > MAX_NAME
+        or name != str(path)
+        or path.is_absolute()
+        or ".." in path.parts
+        or "\\" in name
+        or ":" in name
+        or any(ord(character) < 32 or ord(character) == 127 for character in name)
+    ):
+        raise BundleError(f"refused: a file named '{shown(name)}'")
+
+
+def shown(name: str) -> str:
+    """Make a name from a foreign file harmless to print."""
+    return "".join(character if character.isprintable() else "?" for character in name[:120])
