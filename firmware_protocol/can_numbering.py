@@ -1,0 +1,148 @@
+"""Which sample an ORIENTATION frame is: eight bits, TIME frames and the time of reception make a full counter.
+
+Between two TIME frames the counter follows from the differences of the eight bits. A TIME frame then shows how many
+times 256 samples were lost unseen on the way; they are put where the host heard nothing for longest. After a silence
+long enough for that, samples are *held* until the next TIME frame (at most ``can_mapping.MAX_TIME_INTERVAL`` samples
+later), so that no sample is numbered by guess; so are all before the first TIME frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from firmware_protocol.can_mapping import SEQUENCE_MODULUS
+
+IntArray = npt.NDArray[np.int64]
+
+LATE_WINDOW = 4
+"""How far behind its place a frame may come: transmit mailboxes served out of turn, samples overtaken by TIME."""
+SILENCE_SAMPLES = SEQUENCE_MODULUS // 2
+"""A silence of this many sample periods could hide 256 lost samples: what follows waits for TIME."""
+MAX_HELD = 512
+"""Samples held; beyond it there is no TIME frame, so they are not ours to number."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Marks:
+    """TIME frames of one run, in order."""
+
+    position: IntArray
+    """(k,) how many samples of the run stood before each."""
+    counter: IntArray
+    """(k,) unwrapped."""
+    host_time_ns: IntArray
+    """(k,)."""
+
+
+@dataclass(slots=True)
+class Numbering:
+    """Where the numbering of one node stands; forgotten by making a new one."""
+
+    expected: int | None = None
+    """Unwrapped counter of the next sample if none is lost; None before the first TIME frame."""
+    heard_ns: int = 0
+    """When the last sample was received, or the TIME frame after it."""
+    longest_silence_ns: int = -1
+    """Longest silence since the last TIME frame among samples already given away."""
+    given_since_silence: int = 0
+    """Samples given away since then: wrongly numbered if the next TIME frame shows a loss in that silence."""
+    misnumbered: int = 0
+    """Samples given away that a later TIME frame showed to be numbered 256 or more too low."""
+
+    def number(
+        self, sequence: npt.NDArray[np.uint8], host_ns: IntArray, marks: Marks, period_ns: float
+    ) -> tuple[IntArray, int]:
+        """Give a run of samples their counters.
+
+        Parameters
+        ----------
+        sequence : (n,) uint8
+            Low eight bits of the counters, in order of reception.
+        host_ns : (n,)
+            When each was received.
+        marks : Marks
+            The TIME frames among them; counters must not fall, nor begin behind what was numbered before.
+        period_ns : float
+            Sample period.
+
+        Returns
+        -------
+        counters : (m,)
+            Of the first m samples.
+        m : int
+            The others are held: give them again, in front of the next run.
+        """
+        n = len(sequence)
+        n_marks = len(marks.counter)
+        if self.expected is None and n_marks == 0:
+            return np.empty(0, np.int64), 0
+        low_bits = sequence.astype(np.int64)
+        steps = np.zeros(n, np.int64)
+        steps[1:] = (np.diff(low_bits) + LATE_WINDOW) % SEQUENCE_MODULUS - LATE_WINDOW
+        total = np.cumsum(steps)
+        counters = np.empty(n, np.int64)
+        edges = [0, *marks.position.tolist(), n]
+        mark_counters, mark_times_ns = marks.counter.tolist(), marks.host_time_ns.tolist()
+        expected_before: int | None = None
+        for segment in range(n_marks + 1):
+            first, last = edges[segment], edges[segment + 1]
+            expected_before = self.expected
+            if first < last:
+                if self.expected is None:
+                    # Before the first TIME frame: the last sample is the newest that may stand before it.
+                    high = mark_counters[0] - 1 + LATE_WINDOW
+                    newest = high - (high - int(low_bits[last - 1])) % SEQUENCE_MODULUS
+                    start = newest - int(total[last - 1] - total[first])
+                else:
+                    low = self.expected - LATE_WINDOW
+                    start = low + (int(low_bits[first]) - low) % SEQUENCE_MODULUS
+                np.add(total[first:last], start - int(total[first]), out=counters[first:last])
+                self.expected = int(counters[last - 1]) + 1
+            if segment < n_marks:
+                mark, mark_ns = mark_counters[segment], mark_times_ns[segment]
+                if self.expected is not None and mark - self.expected >= SEQUENCE_MODULUS:
+                    unseen = (mark - self.expected) // SEQUENCE_MODULUS * SEQUENCE_MODULUS
+                    self._place(unseen, counters, host_ns, steps, first, last, mark_ns)
+                self.expected, self.heard_ns = mark, mark_ns
+                self.longest_silence_ns = -1
+                self.given_since_silence = 0
+        first = edges[-2]
+        taken = self._given(host_ns, first, n, period_ns)
+        if first < n:
+            # Held samples have no number yet.
+            self.expected = int(counters[taken - 1]) + 1 if taken > first else expected_before
+        return counters[:taken], taken
+
+    def _place(
+        self, unseen: int, counters: IntArray, host_ns: IntArray, steps: IntArray, first: int, last: int, mark_ns: int
+    ) -> None:
+        """Put samples lost unseen where the host heard nothing for longest: before a sample, or before the TIME."""
+        if first == last:
+            return
+        silences = np.diff(np.concatenate([[self.heard_ns], host_ns[first:last], [mark_ns]]))
+        # Equal silences: rather where the eight bits jump as well, then rather at the end.
+        jumps = np.concatenate([np.abs(steps[first:last] - 1), [0]])
+        place = int(np.lexsort((np.arange(len(silences)), jumps, silences))[-1])
+        if self.longest_silence_ns > int(silences[place]):
+            self.misnumbered += self.given_since_silence
+            place = 0
+        counters[first + place : last] += unseen
+
+    def _given(self, host_ns: IntArray, first: int, n: int, period_ns: float) -> int:
+        """How many samples can be given away now: the last segment ends before its first long silence."""
+        if first == n:
+            return n
+        silences = np.diff(np.concatenate([[self.heard_ns], host_ns[first:n]]))
+        long = np.flatnonzero(silences > SILENCE_SAMPLES * period_ns)
+        taken = first + int(long[0]) if len(long) else n
+        if taken > first:
+            self.given_since_silence += taken - first
+            place = int(np.argmax(silences[: taken - first]))
+            if int(silences[place]) > self.longest_silence_ns:
+                self.longest_silence_ns = int(silences[place])
+                self.given_since_silence = taken - first - place
+            self.heard_ns = int(host_ns[taken - 1])
+        return taken

@@ -1,0 +1,96 @@
+"""CAN traffic of a simulated object, with frames removed on purpose, and where each sample really belongs."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from firmware_protocol.can_encoder import CanObject
+from firmware_protocol.can_frames import CanFrame
+from firmware_protocol.can_mapping import NODE_BITS, CanFunction
+from firmware_protocol.codec import encode_packet
+from firmware_protocol.packets import Info, Orientation, OrientationBatch, OrientationFlag
+from firmware_protocol.stream import StreamItem
+
+
+def unit_quaternions(n: int, seed: int = 1) -> np.ndarray:
+    quats = np.random.default_rng(seed).normal(size=(n, 4))
+    return quats / np.linalg.norm(quats, axis=1)[:, None]
+
+
+def sample_packets(
+    n: int,
+    rate_hz: int = 1000,
+    first: int = 0,
+    time_us: int = 100,
+    flags: np.ndarray | None = None,
+    quats: np.ndarray | None = None,
+) -> list[bytes]:
+    quats = unit_quaternions(n) if quats is None else quats
+    flags = np.zeros(n, np.uint8) if flags is None else flags
+    return [
+        encode_packet(
+            Orientation(
+                (first + k) & 0xFFFF,
+                (time_us + k * 1_000_000 // rate_hz) & 0xFFFFFFFF,
+                tuple(quats[k].tolist()),
+                OrientationFlag(int(flags[k])),
+            )
+        )
+        for k in range(n)
+    ]
+
+
+def info_packet(device_id: int = 7, boot_id: int = 9, rate_hz: int = 1000) -> bytes:
+    return encode_packet(Info(device_id=device_id, boot_id=boot_id, rate_hz=rate_hz, name="cube"))
+
+
+def object_at(node: int = 3, fd: bool = False, **info: int) -> CanObject:
+    """An object that has powered up: its INFO has gone to nobody."""
+    end = CanObject(node, fd)
+    end.encode([info_packet(**info)])
+    return end
+
+
+def timed(end: CanObject, packets: list[bytes], period_ns: int, start_ns: int = 1_000_000_000) -> list[CanFrame]:
+    """Frames of packets; of samples each with the time of its reception."""
+    frames = end.encode(packets)
+    ends_packet = [is_sample(frame) for frame in frames]
+    if sum(ends_packet) == len(packets):  # all at once: much faster
+        numbers = np.cumsum([0, *ends_packet[:-1]]).tolist()
+        return [
+            dataclasses.replace(frame, host_time_ns=start_ns + k * period_ns)
+            for frame, k in zip(frames, numbers, strict=True)
+        ]
+    return [dataclasses.replace(frame, host_time_ns=start_ns) for frame in frames]
+
+
+def is_sample(frame: CanFrame) -> bool:
+    return frame.arbitration_id >> NODE_BITS & 0x1F == CanFunction.ORIENTATION
+
+
+def sample_rows(frames: list[CanFrame]) -> list[int]:
+    return [row for row, frame in enumerate(frames) if is_sample(frame)]
+
+
+def joined(items: list[StreamItem]) -> OrientationBatch:
+    batches = [item for item in items if isinstance(item, OrientationBatch)]
+    if not batches:
+        return OrientationBatch(np.empty(0, np.uint16), np.empty(0, np.uint32), np.empty((0, 4)), np.empty(0, np.uint8))
+    return OrientationBatch(
+        np.concatenate([batch.sequence for batch in batches]),
+        np.concatenate([batch.device_time_us for batch in batches]),
+        np.concatenate([batch.quats_wxyz for batch in batches]),
+        np.concatenate([batch.flags for batch in batches]),
+    )
+
+
+def fed(decoder: object, frames: list[CanFrame], at_once: int) -> list[StreamItem]:
+    """Everything a decoder makes of frames, given a few at a time."""
+    from firmware_protocol.can_frames import pack_frames
+
+    items: list[StreamItem] = []
+    for start in range(0, len(frames), at_once):
+        items += decoder.feed(pack_frames(frames[start : start + at_once]))
+    return items + decoder.flush()
