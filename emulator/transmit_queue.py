@@ -92,7 +92,7 @@ class TransmitQueue:
             for _ in range(taken):
                 _, size, _ = self._items.popleft()
                 self._bytes -= size
-            if taken < len(offered):
+            if taken == 0:
                 return
 
     def forget_items(self) -> None:
