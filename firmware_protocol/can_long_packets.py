@@ -65,6 +65,7 @@ class LongPacketChannel:
             "can_fd": fd,
             "bitrate_switch": fd,
             "tx_data_length": 64 if fd else 8,
+            "tx_padding": 0xCC,  # ISO 15765-2: every frame of the channel has its full length
             "listen_mode": listens_only,
             "logger_name": logger.name,
         }
