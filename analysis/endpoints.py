@@ -200,7 +200,7 @@ def with_flags(extremes: Extremes, run: slice, period_s: float, settings: CycleS
     odd_spacing = ~((spacing >= settings.spacing[0]) & (spacing <= settings.spacing[1]))
     odd_swing = np.any((travel < settings.swing[0]) | (travel > settings.swing[1]), axis=1).tolist()
     usual_dwell_s = float(np.median([point.dwell_s for point in points]))
-    jump = _pose_jumps(np.array([point.quat_wxyz for point in points]))
+    jump = pose_jumps(np.array([point.quat_wxyz for point in points]))
     flagged = []
     for k, point in enumerate(points):
         flags = list(point.flags)
@@ -216,8 +216,18 @@ def with_flags(extremes: Extremes, run: slice, period_s: float, settings: CycleS
     return tuple(flagged)
 
 
-def _pose_jumps(quats: FloatArray) -> BoolArray:
-    """(k − 1,) whether a step is far larger than the others: a slip."""
+def pose_jumps(quats: FloatArray) -> BoolArray:
+    """Find steps far larger than the others: slips.
+
+    Parameters
+    ----------
+    quats
+        (k, 4) orientations at the end points.
+
+    Returns
+    -------
+    (k − 1,) True where the angle of a step is above the median by 6 times the spread and 0.1°.
+    """
     if len(quats) < 4:
         return np.zeros(max(len(quats) - 1, 0), dtype=bool)
     steps = rotations.distance(quats[1:], quats[:-1])
