@@ -41,28 +41,30 @@ class Coverage:
         return float(np.sqrt(max(self.covered * (1 - self.covered), 1e-4) / self.trials))
 
 
-def noisy_steps(rng: np.random.Generator, n_steps: int, theta_deg: float, correlation: float) -> np.ndarray:
-    """Draw (n_steps, 3) rotation vectors in rad."""
-    axis = rng.normal(size=3)
-    axis /= np.linalg.norm(axis)
-    white = rng.normal(scale=NOISE_DEG / np.sqrt(3.0), size=(n_steps, 3))
+def noisy_steps(
+    rng: np.random.Generator, trials: int, n_steps: int, theta_deg: float, correlation: float
+) -> np.ndarray:
+    """Draw (trials, n_steps, 3) rotation vectors in rad."""
+    axis = rng.normal(size=(trials, 1, 3))
+    axis /= np.linalg.norm(axis, axis=-1, keepdims=True)
+    white = rng.normal(scale=NOISE_DEG / np.sqrt(3.0), size=(trials, n_steps, 3))
     noise = np.empty_like(white)
-    noise[0] = white[0]
+    noise[:, 0] = white[:, 0]
     for k in range(1, n_steps):
-        noise[k] = correlation * noise[k - 1] + np.sqrt(1.0 - correlation**2) * white[k]
+        noise[:, k] = correlation * noise[:, k - 1] + np.sqrt(1.0 - correlation**2) * white[:, k]
     return np.radians(theta_deg * axis + noise)
 
 
 def coverage(n_steps: int, theta_deg: float, correlation: float, trials: int, seed: int) -> Coverage:
     """Simulate one cell."""
     rng = np.random.default_rng([seed, n_steps, round(theta_deg * 1000), round(correlation * 1000)])
+    steps = rotations.exp(noisy_steps(rng, trials, n_steps, theta_deg, correlation))
+    quats = [rotations.exp(rng.normal(size=(trials, 3)))]
+    for k in range(n_steps):
+        quats.append(rotations.multiply(steps[:, k], quats[-1]))
     hits, thetas, widths = 0, [], []
-    for _ in range(trials):
-        steps = rotations.exp(noisy_steps(rng, n_steps, theta_deg, correlation))
-        quats = [rotations.exp(rng.normal(size=3))]
-        for step in steps:
-            quats.append(rotations.multiply(step, quats[-1]))
-        drift = rotation_drift(np.array(quats))
+    for trial in np.stack(quats, axis=1):
+        drift = rotation_drift(trial)
         interval = drift_interval(drift.step_rotations_wxyz)
         assert interval is not None
         hits += interval.low_deg <= theta_deg <= interval.high_deg
