@@ -21,6 +21,7 @@ MIN_STEP_S = 1e-4
 
 _BLOCK = 32768  # grid points worked on at once: bounds the scratch memory whatever the length
 _SPEED_SIGMA_S = 0.5
+_MIN_SPEED = 2e-5  # rad/s: rounding errors are no motion
 _NOISE_SIGMA_S = 0.12
 
 
@@ -110,7 +111,7 @@ def angular_velocity(
         omega[start:stop] = steps[start - first : stop - first]
     steady = _gaussian(omega, _NOISE_SIGMA_S * rate_hz)  # hours of noise at rest must not outweigh a minute of motion
     speed = _gaussian(np.linalg.norm(steady, axis=1), _SPEED_SIGMA_S * rate_hz)
-    return Motion(float(times_s[0]), rate_hz, omega, speed, moving_share * _working_speed(speed))
+    return Motion(float(times_s[0]), rate_hz, omega, speed, max(moving_share * _working_speed(speed), _MIN_SPEED))
 
 
 def _resample(times_s: FloatArray, quats: FloatArray, grid_s: FloatArray) -> FloatArray:

@@ -13,13 +13,15 @@ from analysis.endpoints import Samples
 from analysis.motion_axis import AxisAngle
 from analysis.period import Period
 
+_ONE_WAY = 1.0 / 3.0  # net turn as a share of all turning
+
 
 def why_no_period(motion: Motion, period: Period | None, settings: CycleSettings) -> str:
     """Say why no period was found, as far as the motion itself shows."""
     seconds = 1.0 / motion.rate_hz
     net_deg = float(np.degrees(np.linalg.norm(motion.omega.sum(axis=0)) * seconds))
     path_deg = float(np.degrees(np.linalg.norm(motion.omega, axis=1).sum() * seconds))
-    if net_deg > 0.5 * path_deg:
+    if net_deg > _ONE_WAY * path_deg:
         return f"one-way rotation: {net_deg:.0f}° of {path_deg:.0f}° turned in one direction"
     found = "none found" if period is None else f"autocorrelation {period.confidence:.2f} at {period.seconds:.2f} s"
     return f"no period: {found}, needs {settings.min_confidence}"
@@ -80,8 +82,8 @@ def _reasons(result: CycleAnalysis, motion: Motion, turning: AxisAngle) -> list[
     angle = turning.angle_rad
     if len(points) < settings.min_endpoints:
         net = float(abs(angle[-1] - angle[0]))
-        if net > 0.5 * float(np.abs(np.diff(angle)).sum()):
-            return [f"one-way rotation: {np.degrees(net):.0f}° turned in one direction, never back"]
+        if net > _ONE_WAY * float(np.abs(np.diff(angle)).sum()):
+            return [f"one-way rotation: {np.degrees(net):.0f}° turned in one direction, never as far back"]
         return [f"fewer than {settings.min_endpoints} cycles: {len(points)} end points found"]
     reasons = []
     at = [round((point.time_s - motion.start_s) * motion.rate_hz) for point in (points[0], points[-1])]

@@ -60,10 +60,7 @@ class Samples:
         first, last = np.searchsorted(self.times_s, (time_s - reach_s, time_s + reach_s), side="left")
         rows = slice(int(first), max(int(last), int(first) + 1))
         weights = np.maximum(1.0 - np.abs(self.times_s[rows] - time_s) / reach_s, 0.0)
-        quats = self.quats_wxyz[rows]
-        first = quats[0] if quats[0, np.argmax(np.abs(quats[0]))] > 0.0 else -quats[0]
-        quats = np.where((quats @ first < 0.0)[:, None], -quats, quats)  # one sign, so that signs change no bit
-        return rotations.average(quats, weights)
+        return rotations.average(self.quats_wxyz[rows], weights)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from analysis.series import FloatArray, OrientationSeries
@@ -153,10 +154,17 @@ def from_angular_velocity(omega: FloatArray, rate_hz: float = 100.0) -> Orientat
     return OrientationSeries(np.arange(len(quats)) / rate_hz, np.array(quats), np.arange(len(quats)))
 
 
-def random_smooth(seed: int, *, duration_s: float = 60.0, bandwidth_s: float = 0.5, swing_deg: float = 20.0):
-    """Random motion about all axes, smoothed by a Gaussian of ``bandwidth_s``, ``swing_deg`` its standard deviation."""
-    from scipy.ndimage import gaussian_filter1d
-
+def random_smooth(
+    seed: int,
+    *,
+    duration_s: float = 60.0,
+    bandwidth_s: float = 0.5,
+    swing_deg: float = 20.0,
+    one_axis: bool = False,
+) -> OrientationSeries:
+    """Random motion smoothed by a Gaussian of ``bandwidth_s``, ``swing_deg`` its standard deviation."""
     rng = np.random.default_rng(seed)
-    raw = gaussian_filter1d(rng.standard_normal((int(duration_s * 100), 3)), bandwidth_s * 100.0, axis=0, mode="wrap")
-    return from_rotation_vectors(np.radians(swing_deg) * raw / raw.std())
+    raw = rng.standard_normal((int(duration_s * 100), 1 if one_axis else 3))
+    smooth = gaussian_filter1d(raw, bandwidth_s * 100.0, axis=0, mode="wrap")
+    axes = np.array([[0.2, 0.9, -0.4]]) / np.linalg.norm([0.2, 0.9, -0.4]) if one_axis else np.eye(3)
+    return from_rotation_vectors(np.radians(swing_deg) * (smooth / smooth.std()) @ axes)
