@@ -1,0 +1,272 @@
+"""The flat figures of a trial: rotation over time, steps, drift path, sensitivity, link.
+
+Every function takes the series and the score as JSON values, and returns a matplotlib figure one paper column wide.
+Make and save them inside :func:`analysis.reporting.figure_style.style`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullFormatter
+
+from analysis import rotations
+from analysis.reporting import figure_style as look
+from analysis.reporting.clouds import endpoint_arrays, turn_about_axis
+from analysis.reporting.result_view import ResultView
+from analysis.series import FloatArray, OrientationSeries
+
+MAX_LINE_POINTS = 6000
+"""A line over time is thinned to its extremes in half as many stretches: what a column of print can show."""
+
+
+def rotation_figure(series: OrientationSeries, result: dict[str, Any]) -> Figure:
+    """Draw the angle about the motion axis over time, with window and numbered end points."""
+    view = ResultView.of(result)
+    angle_deg, axis = turn_about_axis(series, view.motion_axis)
+    times_s, _ = endpoint_arrays(result)
+    at_endpoints = np.interp(times_s, series.times_s, angle_deg)
+    origin = at_endpoints[0] if len(at_endpoints) else 0.0
+    start_s = float(series.times_s[0])
+    figure = look.new_figure(2.1)
+    ax = figure.subplots()
+    if view.window_s is not None:
+        ax.axvspan(
+            view.window_s[0] - start_s,
+            view.window_s[1] - start_s,
+            color=look.LIGHT,
+            alpha=0.45,
+            lw=0,
+            label="scored window",
+        )
+    line_s, line_deg = _thinned(series.times_s - start_s, angle_deg - origin)
+    ax.plot(line_s, line_deg, color=look.BLUE, lw=0.7, label="object")
+    if len(times_s):
+        ax.plot(
+            times_s - start_s,
+            at_endpoints - origin,
+            "o",
+            ms=3.4,
+            mfc="white",
+            mec=look.VERMILION,
+            mew=1.1,
+            label="end points",
+        )
+        upper = np.median(at_endpoints) > np.median(angle_deg)
+        for number in numbers_shown(len(times_s), 12):
+            ax.annotate(
+                str(number + 1),
+                (times_s[number] - start_s, at_endpoints[number] - origin),
+                xytext=(0, 4 if upper else -4),
+                textcoords="offset points",
+                ha="center",
+                va="bottom" if upper else "top",
+                fontsize=6,
+                color=look.VERMILION,
+            )
+    ax.margins(x=0.01, y=0.12)
+    ax.set_xlabel("time since the first sample (s)")
+    ax.set_ylabel("rotation about the\nmotion axis (°)")
+    named = ", ".join(f"{part:+.2f}" for part in axis)
+    figure.legend(loc="outside upper center", ncols=3, handlelength=1.5)
+    ax.set_title(f"motion axis ({named}), world frame", fontsize=6.5, color=look.GREY, loc="right", pad=2)
+    return figure
+
+
+def steps_figure(result: dict[str, Any]) -> Figure:
+    """Draw the step angle of every cycle, with θ̄ and its interval."""
+    view = ResultView.of(result)
+    figure = look.new_figure(1.9)
+    ax = figure.subplots()
+    numbers = np.arange(1, len(view.steps_deg) + 1)
+    flagged = np.array([bool(flags) for flags in view.step_flags], dtype=bool)
+    ax.bar(numbers, view.steps_deg, color=look.SKY, width=0.75, label="step of one cycle", zorder=2)
+    if flagged.any():
+        ax.bar(
+            numbers[flagged],
+            view.steps_deg[flagged],
+            color=look.ORANGE,
+            hatch="////",
+            edgecolor="white",
+            lw=0,
+            width=0.75,
+            label="flagged as odd",
+            zorder=3,
+        )
+    if view.interval_deg is not None:
+        low, high = view.interval_deg
+        ax.axhspan(low, high, color=look.VERMILION, alpha=0.18, lw=0, zorder=4, label="95 % interval of θ̄")
+    if view.theta_bar_deg is not None:
+        ax.axhline(view.theta_bar_deg, color=look.VERMILION, lw=1.2, zorder=5, label=f"θ̄ = {view.theta_bar_deg:.3f}°")
+    ax.set_xlim(0.4, max(len(numbers), 1) + 0.6)
+    ax.set_ylim(bottom=0.0)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.set_xlabel("cycle")
+    ax.set_ylabel("step angle (°)")
+    figure.legend(loc="outside upper center", ncols=2, handlelength=1.5)
+    return figure
+
+
+def drift_figure(result: dict[str, Any]) -> Figure:
+    """Draw where the end points wander: numbered, in the plane of the largest drift, deg from the first one."""
+    _, quats = endpoint_arrays(result)
+    figure = look.new_figure(2.1)
+    ax = figure.subplots()
+    if len(quats):
+        vectors = np.degrees(rotations.log(rotations.difference(quats, quats[0])))
+        values, axes = np.linalg.eigh(vectors.T @ vectors)
+        plane = axes[:, np.argsort(values)[::-1][:2]]
+        plane = plane * np.where(plane[np.abs(plane).argmax(axis=0), [0, 1]] < 0, -1.0, 1.0)
+        flat = vectors @ plane
+        ax.plot(flat[:, 0], flat[:, 1], "-", color=look.GREY, lw=0.7, zorder=1)
+        ax.scatter(
+            flat[:, 0], flat[:, 1], s=16, c=np.arange(len(flat)), cmap="viridis", zorder=2, edgecolors="white", lw=0.4
+        )
+        for number in numbers_shown(len(flat), 20):
+            ax.annotate(
+                str(number + 1), flat[number], xytext=(3, 3), textcoords="offset points", fontsize=6, color=look.INK
+            )
+        ax.annotate(
+            "",
+            flat[-1],
+            flat[0],
+            arrowprops={"arrowstyle": "->", "color": look.VERMILION, "lw": 1.0, "shrinkA": 3, "shrinkB": 3},
+            zorder=3,
+        )
+        shares = np.sort(values)[::-1] / max(float(values.sum()), 1e-300)
+        for set_label, column in ((ax.set_xlabel, 0), (ax.set_ylabel, 1)):
+            named = ", ".join(f"{part:+.2f}" for part in plane[:, column])
+            set_label(f"rotation about{' ' if column == 0 else chr(10)}({named}) (°)")
+        net = float(np.linalg.norm(vectors[-1]))
+        ax.set_title(
+            f"arrow: first to last end point, {net:.2f}° in {len(quats) - 1} cycles\n"
+            f"{100 * shares[:2].sum():.0f} % of the wandering lies in this plane",
+            fontsize=6.5,
+            color=look.GREY,
+        )
+        middle, half = 0.5 * (flat.max(axis=0) + flat.min(axis=0)), 0.6 * max(float(np.ptp(flat, axis=0).max()), 1e-6)
+        tall = max(0.65 * float(np.ptp(flat[:, 1])), 0.3 * half)
+        ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - tall, middle[1] + tall))
+    ax.set_aspect("equal", adjustable="box")
+    return figure
+
+
+def sensitivity_figure(result: dict[str, Any]) -> Figure:
+    """Draw θ̄ beside what it would be with other choices: ends left out, each cycle left out, other extreme, phase."""
+    view = ResultView.of(result)
+    rows = view.sensitivity()
+    figure = look.new_figure(0.55 + 0.2 * max(len(rows), 3))
+    ax = figure.subplots()
+    for place, row in enumerate(rows):
+        if row.low != row.high:
+            ax.plot([row.low, row.high], [place, place], "|-", color=row_colour(row.is_score), lw=1.6, ms=6)
+        if row.value is not None:
+            ax.plot(row.value, place, "o" if row.is_score else "D", ms=5 if row.is_score else 3.5, mec="white", mew=0.4,
+                    color=row_colour(row.is_score))  # fmt: skip
+        text = f"{row.value:.3f}" if row.value is not None else f"{row.low:.3f} … {row.high:.3f}"
+        ax.annotate(
+            text, (1.02, place), xycoords=("axes fraction", "data"), va="center", fontsize=6, annotation_clip=False
+        )
+    if view.theta_bar_deg is not None:
+        ax.axvline(view.theta_bar_deg, color=look.VERMILION, lw=0.6, ls=":")
+    ax.set_yticks(range(len(rows)), [row.label for row in rows])
+    ax.invert_yaxis()
+    ax.set_xlim(left=0.0)
+    ax.spines["left"].set_visible(False)
+    ax.tick_params(axis="y", length=0)
+    ax.grid(axis="x", color=look.LIGHT, lw=0.4)
+    ax.set_axisbelow(True)
+    ax.set_xlabel("θ̄ (°)")
+    return figure
+
+
+def link_figure(series: OrientationSeries, losses: dict[str, Any] | None = None) -> Figure:
+    """Draw the quality of the samples: their distance over time, and where some are missing.
+
+    Parameters
+    ----------
+    series
+        The recording.
+    losses
+        Counters of the link (numbers by name), printed below; None where there was no link.
+    """
+    figure = look.new_figure(1.45 if losses is None else 1.7)
+    ax = figure.subplots()
+    gaps_ms = np.diff(series.times_s) * 1000.0
+    usual_ms = float(np.median(gaps_ms)) if len(gaps_ms) else 1.0
+    since_s = series.times_s[1:] - series.times_s[0]
+    line_s, line_ms = _thinned(since_s, gaps_ms)
+    ax.plot(line_s, line_ms, "-", color=look.BLUE, lw=0.5)
+    ax.axhline(usual_ms, color=look.GREY, lw=0.5, ls=":")
+    missing = _missing(series, gaps_ms, usual_ms)
+    where = missing > 0
+    if where.any():
+        ax.plot(since_s[where], gaps_ms[where], "v", color=look.VERMILION, ms=3, label="samples missing before")
+        ax.legend(loc="upper right", fontsize=6)
+    ax.set_yscale("log")
+    ax.yaxis.set_major_formatter("{x:g}")
+    ax.yaxis.set_minor_formatter(NullFormatter())
+    low, high = min(usual_ms / 3.0, float(gaps_ms.min(initial=usual_ms))), float(gaps_ms.max(initial=usual_ms))
+    ax.set_ylim(min(max(low, usual_ms / 100.0) * 0.8, usual_ms / 11.0), max(high * 1.5, usual_ms * 11.0))
+    ax.margins(x=0.01)
+    ax.set_xlabel("time since the first sample (s)")
+    ax.set_ylabel("sample\ndistance (ms)")
+    rate = 1000.0 / usual_ms if usual_ms > 0 else float("nan")
+    lost = int(missing.sum())
+    ax.set_title(
+        f"{len(series)} samples, {rate:.4g} Hz, {lost} missing ({100 * lost / max(len(series) + lost, 1):.2g} %)",
+        fontsize=6.5,
+        color=look.INK,
+        loc="left",
+    )
+    if losses:
+        counted = [f"{name.replace('_', ' ')} {value}" for name, value in losses.items() if isinstance(value, int)]
+        if counted:
+            figure.supxlabel(_wrapped(counted, 92), fontsize=6, color=look.GREY)
+    return figure
+
+
+def row_colour(is_score: bool) -> str:
+    """Colour of the score and of what stands beside it."""
+    return look.VERMILION if is_score else look.BLUE
+
+
+def _missing(series: OrientationSeries, gaps_ms: FloatArray, usual_ms: float) -> FloatArray:
+    """(m−1,) number of samples missing before each sample but the first."""
+    if series.index_kind == "sequence":
+        return np.asarray(np.maximum(np.diff(series.index) - 1, 0), dtype=np.float64)
+    return np.maximum(np.round(gaps_ms / usual_ms) - 1.0, 0.0) if usual_ms > 0 else np.zeros(len(gaps_ms))
+
+
+def _thinned(times_s: FloatArray, values: FloatArray, most: int = MAX_LINE_POINTS) -> tuple[FloatArray, FloatArray]:
+    """Keep the smallest and the largest value of every stretch, so that thinning hides no peak."""
+    if len(times_s) <= most:
+        return times_s, values
+    starts = np.linspace(0, len(times_s), most // 2, endpoint=False).astype(np.int64)
+    kept = []
+    for first, last in zip(starts, np.append(starts[1:], len(times_s)), strict=True):
+        stretch = values[first:last]
+        kept += sorted({int(first + stretch.argmin()), int(first + stretch.argmax())})
+    return times_s[kept], values[kept]
+
+
+def numbers_shown(n: int, most: int) -> list[int]:
+    """Which of n end points carry their number: all, or every k-th with the last."""
+    step = max(1, -(-n // most))
+    shown = list(range(0, n, step))
+    if n and shown[-1] != n - 1:
+        if n - 1 - shown[-1] < step / 2:
+            shown.pop()
+        shown.append(n - 1)
+    return shown
+
+
+def _wrapped(parts: list[str], width: int) -> str:
+    lines = [""]
+    for part in parts:
+        if lines[-1] and len(lines[-1]) + len(part) + 3 > width:
+            lines.append("")
+        lines[-1] += f" · {part}" if lines[-1] else part
+    return "\n".join(lines)

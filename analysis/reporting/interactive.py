@@ -1,0 +1,114 @@
+"""The interactive clouds of the HTML report: values for plotly.js, and the script itself, compressed.
+
+Only plotly's 3-D bundle is shipped (``assets/``), and in a report it stands compressed: the browser unpacks it. The
+Python package of plotly is not needed and not used.
+"""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.reporting import figure_style as look
+from analysis.reporting.clouds import BODY_AXES, Clouds, clouds_of
+from analysis.reporting.trial_report import TrialReport
+from analysis.series import FloatArray
+
+BUNDLE = Path(__file__).parent / "assets" / "plotly-gl3d.min.js.gz"
+MAX_POINTS = 2000
+_PLOTLY_MARKERS = ("circle", "diamond", "square")
+
+
+def plotly_base64() -> str:
+    """Read the 3-D bundle of plotly.js: gzip, as base64."""
+    return base64.b64encode(BUNDLE.read_bytes()).decode("ascii")
+
+
+def scenes(trial: TrialReport) -> list[dict[str, Any]]:
+    """Make the 3-D scenes of a trial: rotation, object axes, and translation where there are positions.
+
+    Returns
+    -------
+    One dict per scene: ``title``, and ``data`` and ``layout`` as plotly.js takes them.
+    """
+    clouds = clouds_of(trial.series, trial.result, MAX_POINTS)
+    found = [
+        _cloud_scene("Rotation (°)", clouds, clouds.rotvecs_deg, clouds.endpoint_rotvecs_deg, ("rx", "ry", "rz"), "°"),
+        _axes_scene(clouds),
+    ]
+    if clouds.positions_mm is not None and clouds.endpoint_positions_mm is not None:
+        found.append(
+            _cloud_scene(
+                "Translation (mm)", clouds, clouds.positions_mm, clouds.endpoint_positions_mm, ("x", "y", "z"), "mm"
+            )
+        )
+    return found
+
+
+def _cloud_scene(
+    title: str, clouds: Clouds, cloud: FloatArray, points: FloatArray, names: tuple[str, str, str], unit: str
+) -> dict[str, Any]:
+    data = [
+        _trace("before and after", cloud[~clouds.scored], look.LIGHT, 2, clouds.times_s[~clouds.scored]),
+        _trace("scored cycles", cloud[clouds.scored], look.BLUE, 2, clouds.times_s[clouds.scored]),
+        _endpoints("end points", points, look.VERMILION, "circle", line=True),
+    ]
+    axes = {f"{axis}axis": _axis(f"{name} ({unit})") for axis, name in zip("xyz", names, strict=True)}
+    return {"title": title, "data": data, "layout": _layout({**axes, "aspectmode": "data"})}
+
+
+def _axes_scene(clouds: Clouds) -> dict[str, Any]:
+    data = []
+    for number, name in enumerate(BODY_AXES):
+        colour = look.AXIS_COLOURS[number]
+        data.append(_trace(f"object {name}", clouds.axes[number], colour, 2, clouds.times_s))
+        data.append(_endpoints(f"{name} at end points", clouds.endpoint_axes[number], colour, _PLOTLY_MARKERS[number]))
+    axes = {f"{axis}axis": {**_axis(f"world {axis.upper()}"), "range": [-1.1, 1.1]} for axis in "xyz"}
+    return {"title": "Object axes on the sphere", "data": data, "layout": _layout({**axes, "aspectmode": "cube"})}
+
+
+def _trace(name: str, points: FloatArray, colour: str, size: int, times_s: FloatArray) -> dict[str, Any]:
+    return {
+        "type": "scatter3d",
+        "mode": "markers",
+        "name": name,
+        **_columns(points),
+        "text": [f"{time_s:.2f} s" for time_s in times_s],
+        "hoverinfo": "x+y+z+text+name",
+        "marker": {"size": size, "color": colour, "opacity": 0.7},
+    }
+
+
+def _endpoints(name: str, points: FloatArray, colour: str, symbol: str, *, line: bool = False) -> dict[str, Any]:
+    return {
+        "type": "scatter3d",
+        "mode": "lines+markers+text" if line else "markers+text",
+        "name": name,
+        **_columns(points),
+        "text": [str(number + 1) for number in range(len(points))],
+        "hoverinfo": "x+y+z+text+name",
+        "textfont": {"size": 11, "color": look.INK},
+        "marker": {"size": 5, "color": colour, "symbol": symbol, "line": {"color": "black", "width": 1}},
+        "line": {"color": look.GREY, "width": 2},
+    }
+
+
+def _columns(points: FloatArray) -> dict[str, list[float]]:
+    rounded = np.round(points, 4)
+    return {axis: rounded[:, column].tolist() for column, axis in enumerate("xyz")}
+
+
+def _axis(title: str) -> dict[str, Any]:
+    return {"title": {"text": title}, "backgroundcolor": "white", "gridcolor": look.LIGHT, "showspikes": False}
+
+
+def _layout(scene: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "scene": {**scene, "camera": {"eye": {"x": 1.5, "y": -1.9, "z": 1.1}}},
+        "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
+        "legend": {"orientation": "h", "y": 0.02, "itemsizing": "constant"},
+        "paper_bgcolor": "white",
+    }

@@ -1,0 +1,135 @@
+"""Figures: the same bytes every time, in every format, from arrays that are checked against closed forms."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from analysis.reporting import figure_style as look
+from analysis.reporting.clouds import MAX_CLOUD_POINTS, clouds_of, turn_about_axis
+from analysis.reporting.figure_set import CAPTIONS, draw_figures, make_figure
+from analysis.reporting.figures import _thinned, numbers_shown
+from analysis.reporting.result_view import ResultView
+from analysis.series import OrientationSeries
+from tests.scored_trials import scored, trial_report
+
+SIGNATURES = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+
+
+@pytest.fixture(scope="module")
+def trial():
+    return trial_report(cycles=6, slip_deg=0.0)
+
+
+def spin(degrees_total, n=2001):
+    angle = np.radians(np.linspace(0, degrees_total, n))
+    quats = Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0]).as_quat(scalar_first=True)
+    quats[::3] *= -1  # q and -q are the same
+    return OrientationSeries(np.arange(n) / 100.0 + 50.0, quats, np.arange(n))
+
+
+def test_every_format_is_drawn_and_the_same_input_gives_the_same_bytes(trial):
+    with look.style():
+        again = {name: make_figure(trial, name) for name in ("steps", "drift")}
+        once = {name: make_figure(trial, name) for name in ("steps", "drift")}
+    for name, figure in again.items():
+        for kind, signature in SIGNATURES.items():
+            content = look.figure_bytes(figure, kind)
+            assert content.startswith(signature)
+            assert content == look.figure_bytes(once[name], kind), (name, kind)
+            assert len(content) > 4000
+
+
+def test_a_trial_without_positions_has_all_figures_but_translation(trial):
+    drawn = draw_figures(trial, ("png",))
+    assert [figure.name for figure in drawn] == [name for name in CAPTIONS if name != "translation_cloud"]
+    assert all(figure.files["png"].startswith(b"\x89PNG") for figure in drawn)
+
+
+def test_positions_make_a_translation_cloud_in_mm(trial):
+    series = OrientationSeries(
+        trial.series.times_s,
+        trial.series.quats_wxyz,
+        trial.series.index,
+        positions_m=np.outer(trial.series.times_s, [0.001, 0.0, 0.0]),
+    )
+    clouds = clouds_of(series, trial.result)
+    since = clouds.endpoint_times_s - clouds.endpoint_times_s[0]
+    np.testing.assert_allclose(clouds.endpoint_positions_mm[:, 0], since, atol=1e-9)
+    with look.style():
+        from analysis.reporting.cloud_figures import translation_cloud_figure
+
+        assert translation_cloud_figure(clouds) is not None
+
+
+def test_no_global_setting_is_left_behind(trial):
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
+    draw_figures(trial, ("png",))
+    assert dict(mpl.rcParams) == before
+
+
+def test_rotation_vectors_are_continuous_beyond_half_a_turn():
+    series = spin(300.0)
+    result = {"endpoints": [{"time_s": 50.0, "quat_wxyz": [1.0, 0.0, 0.0, 0.0]}]}
+    clouds = clouds_of(series, result)
+    np.testing.assert_allclose(clouds.rotvecs_deg[:, 2], np.linspace(0, 300, 2001), atol=1e-6)
+    np.testing.assert_allclose(clouds.rotvecs_deg[:, :2], 0, atol=1e-9)
+
+
+def test_body_axes_are_the_columns_of_the_rotation_matrix(trial):
+    clouds = clouds_of(trial.series, trial.result, max_points=len(trial.series))
+    matrices = Rotation.from_quat(trial.series.quats_wxyz, scalar_first=True).as_matrix()
+    for number in range(3):
+        np.testing.assert_allclose(clouds.axes[number], matrices[:, :, number], atol=1e-12)
+
+
+def test_end_points_lie_in_their_cloud(trial):
+    clouds = clouds_of(trial.series, trial.result)
+    for at, vector in zip(clouds.endpoint_times_s, clouds.endpoint_rotvecs_deg, strict=True):
+        nearest = clouds.rotvecs_deg[np.argmin(np.abs(clouds.times_s - at))]
+        assert np.linalg.norm(nearest - vector) < 0.5
+    assert clouds.scored.sum() == pytest.approx(len(clouds.scored) * 20 / 30, rel=0.1)
+
+
+def test_turning_is_not_limited_to_half_a_turn():
+    angle, axis = turn_about_axis(spin(-720.0), None)
+    assert abs(angle[-1]) == pytest.approx(720.0, abs=1e-6)
+    assert abs(axis[2]) == pytest.approx(1.0)
+
+
+def test_large_clouds_are_thinned_but_lines_keep_their_peaks():
+    n = 20_000
+    series = OrientationSeries(np.arange(n) / 100, np.tile([1.0, 0, 0, 0], (n, 1)), np.arange(n))
+    assert len(clouds_of(series, {"endpoints": []}).times_s) <= MAX_CLOUD_POINTS
+    values = np.zeros(n)
+    values[12_345], values[777] = 5.0, -7.0
+    _, kept = _thinned(series.times_s, values, 1000)
+    assert (kept.max(), kept.min()) == (5.0, -7.0)
+    assert len(kept) <= 1000
+
+
+@pytest.mark.parametrize(("n", "most"), [(0, 5), (1, 5), (5, 5), (6, 5), (97, 20), (1000, 12)])
+def test_numbers_always_name_the_first_and_the_last(n, most):
+    shown = numbers_shown(n, most)
+    assert len(shown) <= most + 1
+    assert shown == sorted(set(shown))
+    if n:
+        assert shown[0] == 0
+        assert shown[-1] == n - 1
+
+
+def test_a_result_without_a_score_is_drawn_without_inventing_one():
+    series, _ = scored(cycles=6)
+    result = {"valid": False, "theta_bar_deg": None, "endpoints": [], "steps_deg": [], "reasons": ["static"]}
+    trial = trial_report(cycles=6)
+    from dataclasses import replace
+
+    empty = replace(trial, series=series, result=result)
+    assert {figure.name for figure in draw_figures(empty, ("png",))} == {"rotation_cloud", "sphere", "rotation", "link"}
+    assert ResultView.of(result).sensitivity() == []
+
+
+def test_characters_without_a_glyph_become_visible_marks():
+    assert look.drawable("θ̄ ° ok") == "θ̄ ° ok"
+    assert look.drawable("\x1b[31m漢") == "\ufffd[31m\ufffd"
