@@ -73,22 +73,18 @@ class SequenceTracker:
         """Take sequence numbers (n,) in the order of arrival; the same as :meth:`feed`, for many."""
         if not len(sequences):
             return
-        breaks = np.flatnonzero(np.diff(sequences) != 1) + 1  # uint16 differences wrap as the numbers do
-        starts = [0, *breaks.tolist()]
-        ends = [*breaks.tolist(), len(sequences)]
+        starts = np.concatenate(([0], np.flatnonzero(np.diff(sequences) != 1) + 1))  # differences wrap, as numbers do
+        ends = np.append(starts[1:], len(sequences))
         newest = self._newest
-        for start, end in zip(starts, ends, strict=True):
-            # A run start … end of consecutive numbers: only those not ahead of the newest need a look of their own.
-            position = start
-            while position < end:
-                sequence = int(sequences[position])
-                ahead = newest is not None and 0 < (sequence - newest) & _MASK < _HALF
-                newest = self._irregular(newest, sequence)
-                position += 1
-                if ahead:
-                    break
+        for start, end, sequence in zip(starts.tolist(), ends.tolist(), sequences[starts].tolist(), strict=True):
+            # A run of consecutive numbers. Those not ahead of the newest are looked at one by one; the first that is
+            # ahead takes all the rest with it.
+            n_late = 0 if newest is None else (newest - sequence + _HALF & _MASK) - _HALF + 1
+            n_single = min(max(n_late, 0) + 1, end - start)
+            for number in range(sequence, sequence + n_single):
+                newest = self._irregular(newest, number & _MASK)
             if newest is not None:
-                newest += end - position
+                newest += end - start - n_single
         self._newest = newest
 
     def _irregular(self, newest: int | None, sequence: int) -> int:
@@ -100,7 +96,7 @@ class SequenceTracker:
             if ahead > 1:
                 self._gaps += 1
                 self._lost += ahead - 1
-                if self._missing:
+                if len(self._missing) > LATE_WINDOW:
                     self._missing = {late for late in self._missing if late >= number - LATE_WINDOW}
                 self._missing.update(range(max(newest + 1, number - LATE_WINDOW), number))
             return number

@@ -135,6 +135,8 @@ class FrameDecoder:
         """
         self._bytes += len(data)
         data = bytes(data)
+        if not self._pending and not self._skipping and data[-1:] == b"\0":
+            return data  # by far the commonest: reads end where frames do
         if self._skipping:
             end = data.find(b"\0")
             if end < 0:
@@ -156,14 +158,11 @@ class FrameDecoder:
     def unframe(self, pieces: bytes) -> list[bytes]:
         """Return the packets in pieces that each end in a delimiter, as :meth:`complete` gave them."""
         runs = pieces.split(b"\0")
-        runs.pop()  # what follows the last delimiter: nothing
-        self._delimiters += len(runs)
+        self._delimiters += len(runs) - 1
         packets = []
         for run in runs:
-            if run:
-                packet = self.open_piece(run)
-                if packet is not None:
-                    packets.append(packet)
+            if run and (packet := self.open_piece(run)) is not None:
+                packets.append(packet)
             self._at_start = False
         return packets
 

@@ -17,7 +17,7 @@ from typing import TypeAlias
 import numpy as np
 
 from firmware_protocol import codec
-from firmware_protocol.batch import ORIENTATION_BYTES, SampleArrays, block_end, decode_block
+from firmware_protocol.batch import ORIENTATION_BYTES, SampleArrays, block_end, decode_block, new_batch
 from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
 from firmware_protocol.packets import Command, Info, Orientation, OrientationBatch, Packet, PacketType
 from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
@@ -30,7 +30,6 @@ BATCH_BYTES = 3150
 Measured: at 150 ORIENTATION frames both take as long.
 """
 
-_Sample: TypeAlias = tuple[int, int, tuple[float, float, float, float], int]
 
 # Bound once: the live path handles a few frames per read, and looking names up is a good part of its cost.
 _ORIENTATION = int(PacketType.ORIENTATION)
@@ -91,7 +90,8 @@ class StreamDecoder:
         self._frames = FrameDecoder()
         self._sequence = SequenceTracker()
         self._boot_id: int | None = None
-        self._packets: dict[PacketType, int] = {}
+        self._samples = 0  # ORIENTATION packets
+        self._others = [0] * 256  # other packets, by type byte
         self._malformed = 0
         self._unknown_types = 0
         self._unsupported_versions = 0
@@ -100,10 +100,11 @@ class StreamDecoder:
     @property
     def counters(self) -> StreamCounters:
         """Snapshot of the counters."""
+        n_of_type = dict(enumerate(self._others)) | {_ORIENTATION: self._samples}
         return StreamCounters(
             **asdict(self._frames.counters),
             **asdict(self._sequence.counters),
-            packets=MappingProxyType(dict(self._packets)),
+            packets=MappingProxyType({PacketType(code): n for code, n in n_of_type.items() if n}),
             malformed=self._malformed,
             unknown_types=self._unknown_types,
             unsupported_versions=self._unsupported_versions,
@@ -130,38 +131,46 @@ class StreamDecoder:
 
     def _feed_few(self, pieces: bytes) -> list[StreamItem]:
         items: list[StreamItem] = []
-        samples: list[_Sample] = []
+        sequences: list[int] = []
+        times_us: list[int] = []
+        components: list[float] = []
+        flags: list[int] = []
         for data in self._frames.unframe(pieces):
-            if data and data[0] == _ORIENTATION and len(data) >= ORIENTATION_BYTES:
-                sequence, device_time_us, w, x, y, z, flags = _SAMPLE_FIELDS(data, 1)
+            if len(data) >= ORIENTATION_BYTES and data[0] == _ORIENTATION:
+                sequence, device_time_us, w, x, y, z, flag = _SAMPLE_FIELDS(data, 1)
                 square = w * w + x * x + y * y + z * z
                 if Q15_MIN_SQUARE <= square <= Q15_MAX_SQUARE:
                     scale = 1.0 / sqrt(square)
-                    samples.append((sequence, device_time_us, (w * scale, x * scale, y * scale, z * scale), flags))
-                    self._extended += len(data) > ORIENTATION_BYTES
+                    sequences.append(sequence)
+                    times_us.append(device_time_us)
+                    components += (w * scale, x * scale, y * scale, z * scale)
+                    flags.append(flag)
+                    if len(data) > ORIENTATION_BYTES:
+                        self._extended += 1
                 else:
                     self._malformed += 1
                 continue
             item = self._decode(data)
             if item is not None:
-                if samples:
-                    items.append(self._batch(samples))
-                    samples = []
+                if sequences:
+                    items.append(self._batch(sequences, times_us, components, flags))
+                    sequences, times_us, components, flags = [], [], [], []
                 if isinstance(item, Info):
                     self._meet(item)
                 items.append(item)
-        if samples:
-            items.append(self._batch(samples))
+        if sequences:
+            items.append(self._batch(sequences, times_us, components, flags))
         return items
 
-    def _batch(self, samples: list[_Sample]) -> OrientationBatch:
-        sequence, device_time_us, quats_wxyz, flags = zip(*samples, strict=True)
-        self._sequence.feed(sequence)
-        self._count(PacketType.ORIENTATION, len(samples))
-        return OrientationBatch(
-            np.array(sequence, _UINT16),
-            np.array(device_time_us, _UINT32),
-            np.array(quats_wxyz),
+    def _batch(
+        self, sequences: list[int], times_us: list[int], components: list[float], flags: list[int]
+    ) -> OrientationBatch:
+        self._sequence.feed(sequences)
+        self._samples += len(sequences)
+        return new_batch(
+            np.array(sequences, _UINT16),
+            np.array(times_us, _UINT32),
+            np.array(components).reshape(-1, 4),
             np.array(flags, _UINT8),
         )
 
@@ -181,8 +190,7 @@ class StreamDecoder:
             self._extended += report.extended
             opened = ((position, self._frames.open_piece(piece)) for position, piece in report.others)
             self._place(samples, placed, ((position, packet) for position, packet in opened if packet is not None))
-        if samples.n:
-            self._count(PacketType.ORIENTATION, samples.n)
+        self._samples += samples.n
         items: list[StreamItem] = []
         delivered = followed = 0
         for position, item in placed:
@@ -231,13 +239,11 @@ class StreamDecoder:
         except UnsupportedVersionError as error:
             self._unsupported_versions += 1
             return ForeignInfo(error.protocol_major, error.protocol_minor)
-        self._extended += codec.is_extended(data)
+        if codec.is_extended(data):
+            self._extended += 1
         if not isinstance(packet, Orientation):
-            self._count(packet.packet_type, 1)
+            self._others[data[0]] += 1
         return packet
-
-    def _count(self, packet_type: PacketType, n: int) -> None:
-        self._packets[packet_type] = self._packets.get(packet_type, 0) + n
 
     def _meet(self, info: Info) -> None:
         if self._boot_id is not None and info.boot_id != self._boot_id:

@@ -12,7 +12,7 @@ import math
 import operator
 import unicodedata
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar, cast
 
 from firmware_protocol import packets as p
 from firmware_protocol.errors import MalformedPacketError, PacketValueError
@@ -37,6 +37,10 @@ _FLOAT32_MAX = 3.4028234663852886e38
 # Control and format characters (bidirectional overrides among them) and line separators could deceive a terminal.
 _UNPRINTABLE = frozenset({"Cc", "Cf", "Zl", "Zp"})
 _Enum = TypeVar("_Enum", bound=enum.IntEnum)
+# Looked up here, not called: calling an enumeration takes five times as long.
+_MEMBERS: dict[type[enum.IntEnum], dict[int, enum.IntEnum]] = {
+    kind: {int(member): member for member in kind} for kind in (p.ObjectShape, p.DeviceState, p.AckCode, p.EventKind)
+}
 
 
 def _integer(name: str, value: object, bits: int, low: int = 0, high: int | None = None) -> int:
@@ -52,11 +56,10 @@ def _integer(name: str, value: object, bits: int, low: int = 0, high: int | None
 
 def _member(kind: type[_Enum], name: str, value: int, error: type[Exception]) -> _Enum:
     try:
-        return kind(value)
-    except ValueError:
-        raise error(
-            f"{name} {value} is none of {', '.join(f'{member.value} {member.name}' for member in kind)}"
-        ) from None
+        return cast(_Enum, _MEMBERS[kind][value])
+    except (KeyError, TypeError):
+        table = ", ".join(f"{member.value} {member.name}" for member in kind)
+        raise error(f"{name} {value} is none of {table}") from None
 
 
 def _measured(name: str, value: float, lsb: float, low: int = -0x7FFF) -> int:
