@@ -66,13 +66,16 @@ class RecordedMessage:
         return values
 
 
-def is_recording(path: Path) -> bool:
-    """Whether a file is an MCAP file; whose, :class:`RecordingReader` finds out."""
+def is_our_recording(path: Path) -> bool:
+    """Whether a file is a recording of ours: MCAP, with our name or our raw channel near its beginning.
+
+    Any other file, also one that cannot be read, is not.
+    """
     try:
-        with path.open("rb") as file:
-            return file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC
-    except OSError:
+        RecordingReader(path)
+    except FileError:
         return False
+    return True
 
 
 class RecordingReader:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol, Self, TypeAlias
 
 if TYPE_CHECKING:
     from firmware_protocol.can_frames import CanFrame
+    from firmware_protocol.packets import Command
 
 MAX_CHUNK_BYTES = 65536
 """No read returns more, so that one chunk never holds up the capture."""
@@ -71,8 +72,19 @@ class Transport(Protocol):
             The link is gone.
         """
 
+    @property
+    def node(self) -> int | None:
+        """Node id of the object on a bus; None on a link of one object, and while none is known."""
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What a person should know of the link, a sentence each; only ever grows."""
+
+    def encode_command(self, command: Command) -> bytes:
+        """Make of a command what :meth:`write` takes: the frame of a serial link, the bare packet on CAN."""
+
     def write(self, data: bytes) -> None:
-        """Send bytes (on CAN: an encoded packet).
+        """Send an encoded command.
 
         Raises
         ------
@@ -91,7 +103,23 @@ class Transport(Protocol):
 
 
 class ClosingTransport:
-    """The context manager half of a transport: leaving it closes the link."""
+    """What transports have in common: leaving one closes the link, and commands go as frames of a serial link."""
+
+    @property
+    def node(self) -> int | None:
+        """No node id: one object."""
+        return None
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Nothing to tell."""
+        return ()
+
+    def encode_command(self, command: Command) -> bytes:
+        """Frame a command for a serial link."""
+        from firmware_protocol.stream import encode_command
+
+        return encode_command(command)
 
     def close(self) -> None:
         """Give the link back."""

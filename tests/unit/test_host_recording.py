@@ -16,7 +16,7 @@ from firmware_protocol.packets import Info, Status
 from host import recording_format as fmt
 from host.errors import FileError
 from host.recording import RecordingWriter
-from host.recording_reader import RecordingReader, is_recording
+from host.recording_reader import RecordingReader, is_our_recording
 from host.transports import open_transport
 from host.transports.chunks import Chunk, FrameChunk, LinkEnd
 from host.transports.replay import ReplayTransport
@@ -134,7 +134,7 @@ def test_what_is_no_recording_is_said(tmp_path, content, said):
     path.write_bytes(content)
     with pytest.raises(FileError, match=said):
         RecordingReader(path)
-    assert not is_recording(path)
+    assert not is_our_recording(path)
 
 
 def test_an_mcap_file_of_others_is_said(tmp_path):

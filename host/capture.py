@@ -1,0 +1,283 @@
+"""One capture from open link to closed recording.
+
+The order of things for every chunk: record it, decode it, answer it, look for cycles, show it. The reading thread only
+reads; drawing has a thread of its own; everything else happens here, in the thread that calls :meth:`Capture.run`.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from firmware_protocol.packets import Event, Info, Status
+from host import recording_format as fmt
+from host.errors import HostError, LinkError, LinkLostError
+from host.reader import ReaderThread
+from host.recording import RecordingWriter
+from host.screen import Screen
+from host.session import Phase, Session, SessionSettings
+from host.transports.chunks import AnyChunk, Transport
+from host.trial import Trial, TrialUpdate
+from host.trial_state import LinkView, RecordingView
+
+LOOP_S = 0.02
+"""Longest wait for a chunk: how late a timeout or a flush may be."""
+STATE_NS = 100_000_000
+DISK_NS = 2_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureSettings:
+    """When a capture ends, and how it talks."""
+
+    cycles: int | None = None
+    """End after so many cycles."""
+    duration_s: float | None = None
+    """End so long after the first sample."""
+    session: SessionSettings = SessionSettings()
+    silence_limit_s: float = 30.0
+    """End when the object sent nothing for so long."""
+    linger_periods: float = 0.35
+    """How long to go on after the last cycle: the offline search wants to see the way back from it."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureOutcome:
+    """How a capture ended."""
+
+    reason: str
+    """In words."""
+    error: HostError | None
+    """What went wrong; None when it ended as asked."""
+    warnings: tuple[str, ...]
+    n_chunks: int
+    """Chunks received; 0 means that there is nothing to score."""
+    unwritten: bytes
+    """Records the disk did not take; they continue the recording."""
+    elapsed_s: float
+    """From the first sample to the end."""
+
+
+class Capture:
+    """Captures one object.
+
+    Parameters
+    ----------
+    transport : Transport
+        Open; closed by the reading thread.
+    recording : RecordingWriter
+        New; closed at the end.
+    trial : Trial
+        Finds cycles.
+    screen : Screen
+        Who watches.
+    settings : CaptureSettings
+        When to end.
+    stop : threading.Event
+        Set by whoever wants it to end.
+    now_ns : callable
+        Monotonic clock, the one that stamps chunks.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        recording: RecordingWriter,
+        trial: Trial,
+        screen: Screen,
+        settings: CaptureSettings,
+        stop: threading.Event,
+        now_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._transport = transport
+        self._recording = recording
+        self._trial = trial
+        self._screen = screen
+        self._settings = settings
+        self._stop = stop
+        self._now_ns = now_ns
+        self._reader = ReaderThread(transport)
+        self._session = (
+            Session(settings.session, transport.name, now_ns(), transport.encode_command) if transport.is_live else None
+        )
+        self._warnings: list[str] = []
+        self._error: HostError | None = None
+        self._n_chunks = 0
+        self._told: set[str] = set()
+        self._first_sample_ns: int | None = None
+        self._last_sample_ns = now_ns()
+        self._reached_ns: int | None = None
+        self._told_ns = 0
+        self._disk_ns = 0
+        self._free_bytes: int | None = None
+        self._problem: str | None = None
+
+    def run(self) -> CaptureOutcome:
+        """Capture until the end; closes link and recording whatever happens."""
+        self._reader.start()
+        try:
+            reason = self._until_end()
+            self._say_goodbye()
+        finally:
+            self._reader.stop()
+            for chunk in self._reader.take(0):
+                self._take(chunk)
+            self._error = self._error or self._reader.error
+            self._recording.close(self._warn)
+        elapsed_ns = 0 if self._first_sample_ns is None else self._last_sample_ns - self._first_sample_ns
+        return CaptureOutcome(
+            reason=reason,
+            error=self._error,
+            warnings=tuple(self._warnings),
+            n_chunks=self._n_chunks,
+            unwritten=self._recording.unwritten,
+            elapsed_s=elapsed_ns / 1e9,
+        )
+
+    def _until_end(self) -> str:
+        while True:
+            self._turn()
+            now_ns = self._now_ns()
+            self._tell(now_ns)
+            reason = self._end_reason(now_ns)
+            if reason is not None:
+                return reason
+
+    def _turn(self) -> None:
+        """Take what came, send what is due, flush."""
+        for chunk in self._reader.take(LOOP_S):
+            self._take(chunk)
+        now_ns = self._now_ns()
+        if self._session is not None:
+            for data in self._session.due(now_ns):
+                self._send(data)
+        self._recording.flush_if_due(now_ns)
+        self._watch_disk(now_ns)
+        told_by_session = () if self._session is None else self._session.warnings
+        for sentence in (*told_by_session, *self._transport.problems, *self._trial.link.problems):
+            gist = re.sub(r"\d+", "#", sentence)  # a count that grows is no news
+            if gist not in self._told:
+                self._told.add(gist)
+                self._warn(sentence)
+
+    def _take(self, chunk: AnyChunk) -> None:
+        self._n_chunks += 1
+        self._recording.add_received(chunk)
+        update = self._trial.feed(chunk)
+        if self._session is not None:
+            self._session.feed(update.items, len(chunk.data), chunk.host_time_ns)
+            self._trial.feed_round_trips(self._session.take_round_trips())
+        self._record(update, chunk.host_time_ns)
+        if update.decoded:
+            self._last_sample_ns = chunk.host_time_ns
+            if self._first_sample_ns is None:
+                self._first_sample_ns = chunk.host_time_ns
+
+    def _record(self, update: TrialUpdate, host_time_ns: int) -> None:
+        for batch in update.decoded:
+            self._recording.add_orientations(batch.stamps_ns, batch.quats_wxyz, host_time_ns)
+        for item in update.items:
+            if isinstance(item, Info):
+                self._recording.add_packet(fmt.INFO, item, host_time_ns)
+            elif isinstance(item, Status):
+                self._recording.add_packet(fmt.STATUS, item, host_time_ns)
+            elif isinstance(item, Event):
+                self._recording.add_packet(fmt.EVENT, item, host_time_ns)
+        for row in update.cycles:
+            values = {
+                "number": row.number,
+                "time_s": row.time_s,
+                "period_s": row.period_s,
+                "step_deg": row.step_deg,
+                "theta_bar_deg": row.theta_bar_deg,
+                "flags": list(row.flags),
+            }
+            self._recording.add_values(fmt.ENDPOINT, values, host_time_ns)
+            self._screen.cycle(row)
+
+    def _send(self, data: bytes) -> None:
+        try:
+            self._recording.add_sent(data, self._now_ns())
+            self._transport.write(data)
+        except LinkLostError as error:
+            # What it still delivers is read to the end: the reading thread says when it is over.
+            if self._session is not None and self._session.error is None:
+                self._session.error = error
+
+    def _warn(self, sentence: str) -> None:
+        self._warnings.append(sentence)
+        self._recording.add_note("warning", sentence, self._now_ns())
+        self._screen.say(f"note: {sentence}")
+
+    def _watch_disk(self, now_ns: int) -> None:
+        problem = self._recording.problem
+        if (problem is None) != (self._problem is None):
+            self._warn(problem if problem is not None else "the recording is on disk again")
+        self._problem = problem
+        if now_ns - self._disk_ns >= DISK_NS:
+            self._disk_ns = now_ns
+            try:
+                self._free_bytes = shutil.disk_usage(self._recording.path.parent).free
+            except OSError:
+                self._free_bytes = None
+
+    def _tell(self, now_ns: int) -> None:
+        if now_ns - self._told_ns < STATE_NS:
+            return
+        self._told_ns = now_ns
+        session = self._session
+        link = LinkView(
+            name=self._transport.name,
+            connected=not self._reader.ended,
+            one_way=session is not None and session.one_way,
+            expected_rate_hz=None if session is None else session.expected_rate_hz,
+            overflow_chunks=self._reader.overflow_chunks,
+        )
+        elapsed_s = 0.0 if self._first_sample_ns is None else (now_ns - self._first_sample_ns) / 1e9
+        state = self._trial.state(now_ns, elapsed_s, link, tuple(self._warnings[-3:]))
+        recording = RecordingView(
+            str(self._recording.path), self._recording.n_bytes, self._recording.problem, self._free_bytes
+        )
+        self._screen.update(replace(state, recording=recording))
+
+    def _end_reason(self, now_ns: int) -> str | None:
+        settings = self._settings
+        if self._stop.is_set():
+            return "stopped by the operator"
+        if self._reader.ended:
+            self._error = self._reader.error
+            return "the recording is over" if self._error is None else "the link was lost"
+        if self._session is not None and self._session.error is not None:
+            self._error = self._session.error
+            return "the object cannot be captured" if self._first_sample_ns is None else "the link was lost"
+        if settings.cycles is not None and self._trial.n_endpoints >= settings.cycles:
+            # The last end point of a motion of just so many cycles closes one less: then the pause after it decides.
+            if self._trial.n_endpoints > settings.cycles:
+                self._reached_ns = self._reached_ns or now_ns
+                linger_s = min(10.0, settings.linger_periods * (self._trial.period_s or 1.0))
+                if now_ns - self._reached_ns >= linger_s * 1e9:
+                    return f"{settings.cycles} cycles are done"
+            elif self._trial.paused:
+                return "the hand rests"
+        if self._first_sample_ns is not None:
+            if settings.duration_s is not None and now_ns - self._first_sample_ns >= settings.duration_s * 1e9:
+                return f"{settings.duration_s:g} s are over"
+            if now_ns - self._last_sample_ns >= settings.silence_limit_s * 1e9:
+                self._error = LinkError(
+                    f"the object has sent no samples for {settings.silence_limit_s:.0f} s",
+                    "check its battery and cable; what came before is recorded",
+                )
+                return "the object fell silent"
+        return None
+
+    def _say_goodbye(self) -> None:
+        """Stop the object, and take what it still has to say."""
+        if self._session is None or self._reader.ended:
+            return
+        self._session.stop()
+        while self._session.phase is not Phase.STOPPED and not self._reader.ended:
+            self._turn()

@@ -1,0 +1,135 @@
+"""A whole capture for a command: open, record, score, write the result beside the recording."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import threading
+import time
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from analysis.series import AnalysisError
+from analysis.trial_score import TrialScore
+from host.capture import Capture, CaptureOutcome, CaptureSettings
+from host.errors import FileError, LinkError
+from host.recorded_trial import RecordedTrial, load_trial
+from host.recording import RecordingWriter
+from host.result import ScoreOptions, score_trial, write_result
+from host.screen import Screen
+from host.transports import open_transport
+from host.trial import Trial
+
+DEFAULT_FOLDER = Path("rotdrift-trials")
+
+
+@dataclass(frozen=True, slots=True)
+class FinishedCapture:
+    """What a capture left behind."""
+
+    outcome: CaptureOutcome
+    score: TrialScore
+    trial: RecordedTrial
+    recording: Path
+    result: Path
+
+
+def default_recording(now: datetime, folder: Path = DEFAULT_FOLDER) -> Path:
+    """Choose a name that does not exist yet: the date and time of the start."""
+    stem = now.strftime("%Y-%m-%d_%H-%M-%S")
+    for number in range(1, 1000):
+        path = folder / (f"{stem}.mcap" if number == 1 else f"{stem}_{number}.mcap")
+        if not path.exists() and not path.with_suffix(".json").exists():
+            return path
+    raise FileError(f"{folder} has a thousand recordings of {stem}", "give a name with --out")
+
+
+def run_capture(
+    link: str,
+    recording_path: Path,
+    settings: CaptureSettings,
+    screen: Screen,
+    stop: threading.Event,
+    options: ScoreOptions | None = None,
+) -> FinishedCapture:
+    """Capture one trial and score it.
+
+    Parameters
+    ----------
+    link : str
+        URI.
+    recording_path : Path
+        Must not exist; the result goes beside it, with the ending ``.json``.
+    settings : CaptureSettings
+        When to end.
+    screen : Screen
+        Who watches.
+    stop : threading.Event
+        Ends the capture in order.
+    options : ScoreOptions, optional
+        For the score at the end.
+
+    Raises
+    ------
+    LinkError
+        The link cannot be opened, or nothing to score came from it.
+    FileError
+        Recording or result exist already or cannot be written.
+    """
+    result_path = recording_path.with_suffix(".json")
+    if result_path.exists():
+        raise FileError(f"{result_path} exists already", "give another name with --out, or move it away")
+    _load_slow_modules()
+    transport = open_transport(link)
+    try:
+        wall_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
+        described = {"cycles": settings.cycles, "duration_s": settings.duration_s, "rate_hz": settings.session.rate_hz}
+        writer = RecordingWriter(recording_path, transport.name, wall_ns, monotonic_ns, described)
+    except BaseException:
+        transport.close()
+        raise
+    trial = Trial("rotdrift capture", settings.cycles, settings.duration_s, transport.node)
+    screen.start()
+    try:
+        outcome = Capture(transport, writer, trial, screen, settings, stop).run()
+    finally:
+        screen.stop()
+    if not trial.assembler.segments:
+        _remove_empty(recording_path)
+        raise outcome.error or LinkError(
+            f"the capture ended before the first sample ({outcome.reason})", "wait until the object streams"
+        )
+    return _finish(outcome, recording_path, result_path, options)
+
+
+def _finish(
+    outcome: CaptureOutcome, recording_path: Path, result_path: Path, options: ScoreOptions | None
+) -> FinishedCapture:
+    captured: dict[str, Any] = {
+        "recording": str(recording_path),
+        "ended": outcome.reason,
+        "error": None if outcome.error is None else str(outcome.error),
+        "warnings": list(outcome.warnings),
+        "elapsed_s": outcome.elapsed_s,
+    }
+    try:
+        trial = load_trial(recording_path, outcome.unwritten)
+        score = score_trial(trial, options, captured)
+    except AnalysisError as error:
+        raise FileError(f"{recording_path} cannot be scored ({error})", "the recording is kept") from error
+    write_result(score, result_path)
+    return FinishedCapture(outcome, score, trial, recording_path, result_path)
+
+
+def _load_slow_modules() -> None:
+    """Import what would otherwise be imported in the middle of a capture, and stall it for a second."""
+    for name in ("scipy.ndimage", "scipy.stats"):
+        importlib.import_module(name)
+
+
+def _remove_empty(path: Path) -> None:
+    """Remove a recording without a single sample, so that the next try may have its name."""
+    with contextlib.suppress(OSError):
+        path.unlink()

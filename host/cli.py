@@ -1,0 +1,120 @@
+"""The ``rotdrift`` command: finds the subcommand, runs it, and turns what goes wrong into one sentence.
+
+Exit codes: 0 done, 1 ran but the result is not valid, 2 wrong use, 3 device or link, 4 file; 70 a fault of rotdrift
+itself, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import NoReturn, Protocol, cast
+
+from host.commands import COMMANDS
+from host.errors import HostError
+from host.version import VERSION
+
+OWN_FAULT = 70
+INTERRUPTED = 130
+
+EPILOG = """\
+links:       serial:/dev/ttyACM0   serial:COM3   serial:socket://127.0.0.1:5000   can:socketcan:can0   replay:trial.mcap
+exit codes:  0 done   1 ran, but the result is not valid   2 wrong use   3 device or link   4 file
+"""
+
+
+class CommandModule(Protocol):
+    """What a module in ``host/commands`` has."""
+
+    def add_parser(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+        """Declare the subcommand and its arguments."""
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Do it; return the exit code."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors look like all others: one sentence and the mend, on stderr, exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the arguments and leave."""
+        self.exit(2, f"rotdrift: {message}; see `{self.prog} --help`\n")
+
+
+def build_parser() -> Parser:
+    """Assemble the parser of all subcommands; imports no numpy and no driver."""
+    parser = Parser(
+        prog="rotdrift",
+        description="Measure how far a robot hand lets an object drift per cycle (Rotation Drift Benchmark).",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"rotdrift {VERSION}")
+    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    subparsers: argparse._SubParsersAction[argparse.ArgumentParser] = parser.add_subparsers(
+        dest="command", metavar="COMMAND", required=True, parser_class=Parser
+    )
+    for name in COMMANDS:
+        _command(name).add_parser(subparsers)
+    for subparser in subparsers.choices.values():
+        # Also after the subcommand, where one adds it to a line that just failed; not set there, it must not reset.
+        subparser.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one subcommand.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Without the program's name; ``sys.argv[1:]`` by default.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    _make_output_safe()
+    try:
+        args = build_parser().parse_args(arguments)
+    except SystemExit as leaving:  # argparse leaves after --help, --version and errors
+        return leaving.code if isinstance(leaving.code, int) else 0
+    try:
+        code = _command(args.command).run(args)
+        sys.stdout.flush()
+    except HostError as error:
+        return _say(error, str(error), error.exit_code, args.debug)
+    except KeyboardInterrupt as error:
+        return _say(error, "interrupted", INTERRUPTED, args.debug)
+    except BrokenPipeError:
+        # Whoever read our output has gone (`| head`); without this Python complains once more while it shuts down.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:  # noqa: BLE001 - the last line of defence
+        message = f"a fault of rotdrift itself ({type(error).__name__}: {error}): run again with --debug and report it"
+        return _say(error, message, OWN_FAULT, args.debug)
+    return code
+
+
+def _command(name: str) -> CommandModule:
+    return cast(CommandModule, importlib.import_module(f"host.commands.{name}"))
+
+
+def _say(error: BaseException, message: str, code: int, debug: bool) -> int:
+    if debug:
+        traceback.print_exception(error, file=sys.stderr)
+    print(f"rotdrift: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
+    return code
+
+
+def _make_output_safe() -> None:
+    """Let a terminal that cannot show θ show a question mark instead of failing."""
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="replace")

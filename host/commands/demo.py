@@ -1,0 +1,117 @@
+"""``rotdrift demo``: the whole job without hardware, beside the truth."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from analysis.trial_score import TrialScore
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand and its arguments."""
+    parser = subparsers.add_parser(
+        "demo",
+        help="capture from a virtual object and compare with the truth",
+        description=(
+            "Start a virtual object in a second process, on a real serial device (a pty; on Windows a TCP port), "
+            "capture from it as from any other, and print the drift that was measured beside the true one."
+        ),
+    )
+    parser.add_argument("--cycles", type=int, default=10, metavar="N", help="end after N cycles (default: 10)")
+    parser.add_argument("--scenario", default="default", metavar="NAME|FILE", help="what the virtual object does")
+    parser.add_argument("--fast", action="store_true", help="cycles of 0.8 s in place of 4 s: done in ten seconds")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="recording to write (default: rotdrift-trials/DATE)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the demonstration.
+
+    Raises
+    ------
+    HostError
+        What went wrong, with the mend.
+    """
+    from datetime import datetime
+
+    from host.capture import CaptureSettings
+    from host.capture_run import default_recording, run_capture
+    from host.errors import UsageError
+    from host.score_view import print_score
+    from host.screen import open_screen
+    from host.stop_signals import StopSignals
+    from host.virtual_object_process import VirtualObjectProcess
+
+    if not 3 <= args.cycles <= 1000:
+        raise UsageError(f"{args.cycles} cycles make no demonstration", "give --cycles from 3 to 1000")
+    scenario = "fast" if args.fast else args.scenario
+    recording = args.out or default_recording(datetime.now().astimezone())
+    sys.stdout.write(f"starting a virtual object (scenario {scenario}) ...\n")
+    sys.stdout.flush()
+    with VirtualObjectProcess(scenario) as virtual:
+        sys.stdout.write(f"capturing {args.cycles} cycles from {virtual.link}; Ctrl-C ends it early\n")
+        sys.stdout.flush()
+        with StopSignals() as signals:
+            finished = run_capture(
+                virtual.link, recording, CaptureSettings(cycles=args.cycles), open_screen(False), signals.stop
+            )
+        truth = virtual.stop()
+    print_score(finished.score)
+    _print_truth(finished.score, truth)
+    sys.stdout.write(f"recording  {finished.recording}\nresult     {finished.result}\n")
+    sys.stdout.flush()
+    if finished.outcome.error is not None:
+        raise finished.outcome.error
+    return 0 if finished.score.valid else 1
+
+
+def _print_truth(score: TrialScore, truth: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.text import Text
+
+    true_deg = true_drift_deg(score, truth)
+    line = Text("\n")
+    if true_deg is None or score.theta_bar_deg is None:
+        line.append("the truth of the virtual object could not be compared", style="yellow")
+    else:
+        interval = "" if score.interval is None else f" ± {score.interval.half_width_deg:.3f}°"
+        line.append(f"measured θ̄ = {score.theta_bar_deg:.3f}°{interval}", style="bold")
+        line.append("    ")
+        line.append(f"true θ̄ = {true_deg:.3f}°", style="bold green")
+        line.append(f"    difference {score.theta_bar_deg - true_deg:+.3f}°")
+    Console(highlight=False).print(line)
+
+
+def true_drift_deg(score: TrialScore, truth: dict[str, Any]) -> float | None:
+    """Compute the true θ̄ of the very end points that were scored.
+
+    Parameters
+    ----------
+    score : TrialScore
+        Its end points name samples by sequence number.
+    truth : dict
+        The virtual object's own account.
+
+    Returns
+    -------
+    float or None
+        Degrees; None where the truth does not know as many end points in that stretch.
+    """
+    from analysis.drift import rotation_drift
+
+    if len(score.endpoints) < 2:
+        return None
+    reach = 0.4 * (score.endpoints[1].index - score.endpoints[0].index)
+    for extreme in (truth, truth.get("other_extreme") or {}):
+        known = [point for point in extreme.get("endpoints", ()) if point.get("sequence") is not None]
+        quats = [
+            point["quat_wxyz"]
+            for point in known
+            if score.endpoints[0].index - reach <= point["sequence"] <= score.endpoints[-1].index + reach
+        ]
+        if len(quats) == len(score.endpoints):
+            return rotation_drift(quats).theta_bar_deg
+    return None

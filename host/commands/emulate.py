@@ -1,0 +1,78 @@
+"""``rotdrift emulate``: a virtual object on a link."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand and its arguments."""
+    parser = subparsers.add_parser(
+        "emulate",
+        help="run a virtual object on a link",
+        description=(
+            "Run a virtual sensorized object: a hand that turns it, a drift that is known, a sensor with faults, and "
+            "the firmware of the real one. It runs until Ctrl-C, or for --duration."
+        ),
+    )
+    parser.add_argument("--scenario", default="default", metavar="NAME|FILE", help="what happens (default: default)")
+    parser.add_argument(
+        "--link",
+        metavar="LINK",
+        help="pty:PATH (the device to make), tcp:PORT on this machine, file:PATH (bytes, in virtual time), can:...",
+    )
+    parser.add_argument("--truth", metavar="FILE", help="write what really happened, as JSON")
+    parser.add_argument("--duration", type=float, metavar="S", help="end after S seconds")
+    parser.add_argument("--seed", type=int, metavar="N", help="another seed than the scenario's")
+    parser.add_argument("--list", action="store_true", help="list the scenarios")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the virtual object until it is stopped.
+
+    Raises
+    ------
+    UsageError
+        Unknown scenario or impossible link.
+    LinkError
+        The link cannot be opened.
+    """
+    from emulator import EmulatorError, ScenarioError
+    from emulator import LinkError as EmulatorLinkError
+    from emulator.links import open_link
+    from emulator.runner import run as run_object
+    from emulator.scenario import load_scenario, scenario_names
+    from host.errors import FileError, LinkError, UsageError
+    from host.plain_text import plain
+    from host.stop_signals import StopSignals
+
+    if args.list:
+        width = max(map(len, scenario_names()))
+        for name in scenario_names():
+            sys.stdout.write(f"{name:{width}}  {plain(load_scenario(name).purpose)}\n")
+        return 0
+    if not args.link:
+        raise UsageError("an object needs a link to be reached by", "give --link pty:PATH or --link tcp:PORT")
+    if args.duration is not None and not 0 < args.duration < 1e9:
+        raise UsageError(f"{args.duration:g} s is no duration", "give --duration in seconds, above 0")
+    try:
+        scenario = load_scenario(args.scenario)
+        link = open_link(args.link)
+    except (ScenarioError, EmulatorLinkError) as error:
+        raise UsageError(str(error)) from error
+    try:
+        with StopSignals() as signals:
+            run_object(scenario, link, args.duration, args.truth, signals.stop, _say_ready, seed=args.seed)
+    except ScenarioError as error:
+        raise UsageError(str(error)) from error
+    except EmulatorLinkError as error:
+        raise LinkError(str(error)) from error
+    except EmulatorError as error:
+        raise FileError(str(error)) from error
+    return 0
+
+
+def _say_ready(host_uri: str) -> None:
+    sys.stdout.write(f"ready: {host_uri}\n")
+    sys.stdout.flush()

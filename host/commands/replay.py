@@ -1,0 +1,68 @@
+"""``rotdrift replay``: a recording through the same path as a live capture."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand and its arguments."""
+    parser = subparsers.add_parser(
+        "replay",
+        help="run a recording through the live view and score it",
+        description="Feed a recording through the same path as a live capture, and score it.",
+    )
+    parser.add_argument("file", type=Path, metavar="FILE", help="recording (.mcap) that `rotdrift capture` wrote")
+    parser.add_argument(
+        "--speed", type=_speed, default=0.0, metavar="X", help="1: as fast as it was; default: as fast as it is read"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replay and score.
+
+    Raises
+    ------
+    FileError
+        Not a recording.
+    """
+    from analysis.series import AnalysisError
+    from host.errors import FileError
+    from host.playback import play
+    from host.recorded_trial import load_trial
+    from host.result import result_text, score_trial
+    from host.score_view import print_score
+    from host.screen import open_screen
+    from host.stop_signals import StopSignals
+    from host.transports.replay import ReplayTransport
+    from host.trial import Trial
+
+    with ReplayTransport(args.file, args.speed) as transport, StopSignals() as signals:
+        screen = open_screen(args.json)
+        screen.start()
+        try:
+            play(transport, Trial("rotdrift replay"), screen, signals.stop, args.speed)
+        finally:
+            screen.stop()
+    try:
+        score = score_trial(load_trial(args.file))
+    except AnalysisError as error:
+        raise FileError(f"{args.file} cannot be scored ({error})") from error
+    if args.json:
+        sys.stdout.write(result_text(score))
+    else:
+        print_score(score)
+    return 0 if score.valid else 1
+
+
+def _speed(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 <= value <= 1e6:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a speed: 1 is real time, 0 as fast as possible")
+    return value

@@ -1,0 +1,136 @@
+"""A recording as a trial: its samples, its losses, who the object was, and what happened."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.series import OrientationSeries
+from firmware_protocol.packets import Event, Info, Status
+from firmware_protocol.stream import StreamCounters
+from host import recording_format as fmt
+from host.errors import UsageError
+from host.link import Link, coalesced
+from host.link_uri import parse_link_uri
+from host.loss_ledger import LossReport
+from host.recording_reader import RecordingHeader, RecordingReader
+from host.samples import SampleAssembler, SampleBlock, SegmentStart, series_of
+from host.transports.chunks import AnyChunk
+
+MAX_EVENTS = 10_000
+"""More events than a hand can make are damage or a flood: the rest is not kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimedEvent:
+    """An event of the object (button, marker) on the time axis of the samples."""
+
+    time_s: float
+    kind: str
+    """``BUTTON`` or ``MARKER``."""
+    value: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedTrial:
+    """Everything a recording says that a score needs."""
+
+    series: OrientationSeries
+    """The samples; ``index`` is the unwrapped sequence number, time the device's own clock."""
+    losses: LossReport
+    counters: StreamCounters
+    """What the decoder met."""
+    info: Info | None
+    """The object as it last introduced itself; None for one that never answers."""
+    status: Status | None
+    """Its last STATUS."""
+    events: tuple[TimedEvent, ...]
+    segments: tuple[SegmentStart, ...]
+    """Where the device was reset or its clock stepped, after the first."""
+    damage: tuple[str, ...]
+    """What was wrong with the file."""
+    header: RecordingHeader | None
+    """What the file says of itself; None where the chunks came from elsewhere."""
+
+
+def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -> RecordedTrial:
+    """Turn raw chunks into a trial.
+
+    Parameters
+    ----------
+    chunks : iterable of AnyChunk
+        What the link delivered, in order; neighbours are joined.
+    source : str
+        Where they come from, for people.
+    node : int, optional
+        Node id of the object on a bus; by default the first that is heard.
+    """
+    link, assembler = Link(node=node), SampleAssembler()
+    blocks: list[SampleBlock] = []
+    events: list[TimedEvent] = []
+    for chunk in coalesced(chunks):
+        items = link.feed(chunk)
+        blocks += assembler.feed(items, chunk.host_time_ns)
+        for item in items:
+            if isinstance(item, Event) and len(events) < MAX_EVENTS:
+                time_s = assembler.locate_s(item, chunk.host_time_ns)
+                if time_s is not None:
+                    events.append(TimedEvent(time_s, item.kind.name, item.value))
+    notes = [
+        f"{segment.reason} at {segment.time_s:.1f} s: later samples are placed by the host's clock"
+        for segment in assembler.segments[1:]
+    ]
+    return RecordedTrial(
+        series=series_of(blocks, source, notes),
+        losses=assembler.losses(link.damaged_frames),
+        counters=link.counters,
+        info=assembler.info,
+        status=assembler.status,
+        events=tuple(events),
+        segments=tuple(assembler.segments),
+        damage=(),
+        header=None,
+    )
+
+
+def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
+    """Read a recording.
+
+    Parameters
+    ----------
+    path : Path
+        The ``.mcap`` file; cut ones are read up to the cut.
+    continuation : bytes
+        Records the disk did not take, from the capture that just ended.
+
+    Raises
+    ------
+    FileError
+        Not a recording of ours.
+    SeriesError
+        Its samples cannot be a series.
+    """
+    reader = RecordingReader(path, continuation)
+    trial = assemble(reader.chunks(fmt.RECEIVED), str(path), _node(reader.header))
+    return RecordedTrial(
+        series=trial.series,
+        losses=trial.losses,
+        counters=trial.counters,
+        info=trial.info,
+        status=trial.status,
+        events=trial.events,
+        segments=trial.segments,
+        damage=tuple(reader.damage),
+        header=reader.header,
+    )
+
+
+def _node(header: RecordingHeader) -> int | None:
+    """Read the node id from the link's URI, so that the same object is scored that was captured."""
+    try:
+        text = parse_link_uri(header.link).options.get("node", "")
+    except UsageError:
+        return None
+    return int(text, 0) if re.fullmatch(r"\d{1,3}|0[xX][0-9a-fA-F]{1,2}", text) else None

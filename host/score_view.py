@@ -1,0 +1,132 @@
+"""A result for people, in the terminal: the number first, then how far to trust it, then the cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from analysis.trial_score import TrialScore
+from host.plain_text import plain
+
+MAX_ROWS = 40
+"""Longer tables show their beginning and their end."""
+
+
+def render_score(score: TrialScore) -> RenderableType:
+    """Draw a result.
+
+    Parameters
+    ----------
+    score : TrialScore
+        The result; texts in it may come from files and are shown as they are, never as markup.
+    """
+    parts: list[RenderableType] = [_headline(score), _trust(score)]
+    if score.endpoints:
+        parts += [Text(""), _cycles(score)]
+    return Group(*parts)
+
+
+def print_score(score: TrialScore, console: Console | None = None) -> None:
+    """Print a result to standard output."""
+    (console or Console(highlight=False, soft_wrap=False)).print(render_score(score))
+
+
+def _headline(score: TrialScore) -> Text:
+    if score.theta_bar_deg is None:
+        line = Text("no score", style="bold red")
+        line.append(": " + "; ".join(plain(reason, 300) for reason in score.reasons), style="")
+        return line
+    line = Text(f"rotation drift θ̄ = {score.theta_bar_deg:.3f}° per cycle", style="bold")
+    if score.interval_deg is not None:
+        low, high = score.interval_deg
+        line.append(f"   95 % interval {low:.3f}° to {high:.3f}°", style="")
+    return line
+
+
+def _trust(score: TrialScore) -> Table:
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for name, value in _facts(score):
+        grid.add_row(Text(name), Text(value))
+    for warning in score.warnings:
+        grid.add_row(Text("note", style="yellow"), Text(plain(warning, 400)))
+    return grid
+
+
+def _facts(score: TrialScore) -> Iterator[tuple[str, str]]:
+    n = len(score.endpoints)
+    motion = [f"{max(0, n - 1)} cycles ({n} end points)"]
+    if score.period_s is not None:
+        motion.append(f"period {score.period_s:.3f} s")
+    if score.cycles.swing_deg:
+        motion.append(f"swing {score.cycles.swing_deg:.1f}°")
+    yield "motion", ", ".join(motion)
+    if score.drift is not None:
+        x, y, z = score.drift.axis
+        yield "drift axis", f"({x:+.3f}, {y:+.3f}, {z:+.3f}) in the world frame"
+    companions = score.companions
+    if companions is not None:
+        yield (
+            "steps",
+            f"mean {companions.mean_step_deg:.3f}°, median {companions.median_step_deg:.3f}°, "
+            f"scatter {companions.dispersion_deg:.3f}°, net rotation {companions.net_rotation_deg:.2f}°",
+        )
+        if companions.without_first_deg is not None and companions.without_last_deg is not None:
+            yield (
+                "without",
+                f"the first end point {companions.without_first_deg:.3f}°, the last {companions.without_last_deg:.3f}°",
+            )
+    if score.other is not None and score.other.drift is not None:
+        yield "other end", f"θ̄ {score.other.drift.theta_bar_deg:.3f}° at the other extreme of the motion"
+    if score.sensor is not None:
+        yield "sensor", plain(score.sensor.note, 300)
+    if score.losses is not None:
+        yield "losses", _losses(score)
+    if score.automatic is not None:
+        theta = score.automatic.theta_bar_deg
+        found = "no score" if theta is None else f"θ̄ {theta:.3f}°"
+        yield "automatic", f"{found} with {score.automatic.n_endpoints} end points found by the search"
+    yield "read as", plain(score.convention, 200)
+
+
+def _losses(score: TrialScore) -> str:
+    losses = score.losses or {}
+    missing = losses.get("missing", 0)
+    if not missing:
+        return f"none of {losses.get('produced', 0)} samples"
+    return (
+        f"{missing} of {losses.get('produced', 0)} samples ({100 * losses.get('share', 0):.2f} %): "
+        f"{losses.get('lost', 0)} on the link, {losses.get('rejected', 0)} damaged, "
+        f"{losses.get('dropped_by_device', 0)} dropped by the object"
+    )
+
+
+def _cycles(score: TrialScore) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", pad_edge=False)
+    for name in ("cycle", score.index_kind, "time", "period", "step"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("", overflow="ellipsis", no_wrap=True)
+    times_s = np.array([point.time_s for point in score.endpoints])
+    steps_deg = None if score.drift is None else score.drift.steps_deg
+    shown = range(len(times_s))
+    skipped = range(MAX_ROWS // 2, len(times_s) - MAX_ROWS // 2)
+    for k in shown:
+        if len(times_s) > MAX_ROWS and k in skipped:
+            if k == skipped.start:
+                table.add_row("…")
+            continue
+        point = score.endpoints[k]
+        table.add_row(
+            Text(str(k) if k else "start"),
+            Text(str(point.index)),
+            Text(f"{point.time_s - score.start_s:.3f} s"),
+            Text(f"{times_s[k] - times_s[k - 1]:.3f} s" if k else ""),
+            Text(f"{steps_deg[k - 1]:.3f}°" if k and steps_deg is not None else ""),
+            Text(plain(", ".join([*point.flags, point.reason] if point.reason else point.flags)), style="yellow"),
+        )
+    return table

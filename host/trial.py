@@ -1,0 +1,258 @@
+"""A trial as it happens: chunks in, cycles and a running score out, with bounded memory.
+
+The same object runs under a live capture and under a replay. What it says is provisional: the result is made from the
+whole recording afterwards (:mod:`host.result`).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis import rotations
+from analysis.cycle_analysis import Endpoint
+from analysis.drift import rotation_drift
+from analysis.online_cycles import OnlineCycleDetector
+from analysis.uncertainty import MIN_STEPS, drift_interval
+from firmware_protocol.packets import Event, Info, OrientationBatch, OrientationFlag, Status
+from firmware_protocol.stream import StreamItem
+from host.clock import DeviceClock
+from host.link import Link
+from host.plain_text import plain
+from host.rate_meter import RateMeter
+from host.samples import SampleAssembler, SampleBlock
+from host.session import RoundTrip
+from host.transports.chunks import AnyChunk
+from host.trial_state import CycleRow, LinkView, MotionView, SensorView, TrialState
+
+MAX_ROWS = 200
+"""Cycles kept as rows; the score is of all."""
+EVERY_CYCLE = 100
+"""Up to so many end points the interval is computed at each; beyond, at every tenth."""
+
+
+@dataclass(frozen=True, slots=True)
+class DecodedBatch:
+    """Samples as received, with the host time at which each was taken, for the recording's viewers' channel."""
+
+    stamps_ns: npt.NDArray[np.int64]
+    quats_wxyz: npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class TrialUpdate:
+    """What one chunk brought."""
+
+    items: list[StreamItem]
+    """Packets in wire order."""
+    decoded: list[DecodedBatch]
+    cycles: list[CycleRow] = field(default_factory=list)
+    """Cycles confirmed by this chunk."""
+    events: list[tuple[Event, float | None]] = field(default_factory=list)
+    """Events with their place on the time axis, s."""
+
+
+class Trial:
+    """Decodes, orders, finds cycles and scores them while the hand turns.
+
+    Parameters
+    ----------
+    title : str
+        For the screen.
+    target_cycles, target_s : optional
+        When the capture will end.
+    node : int, optional
+        Node id of the object on a bus; by default the first that is heard.
+    """
+
+    def __init__(
+        self,
+        title: str = "rotdrift",
+        target_cycles: int | None = None,
+        target_s: float | None = None,
+        node: int | None = None,
+    ) -> None:
+        self.link = Link(node=node)
+        self.assembler = SampleAssembler()
+        self._clock = DeviceClock()
+        self._detector = OnlineCycleDetector()
+        self._rate = RateMeter()
+        self._base = TrialState(title=title, target_cycles=target_cycles, target_s=target_s)
+        self._rows: deque[CycleRow] = deque(maxlen=MAX_ROWS)
+        self._quats: list[npt.NDArray[np.float64]] = []
+        self._theta_bar_deg: float | None = None
+        self._interval_deg: tuple[float, float] | None = None
+        self._last_endpoint_s: float | None = None
+        self._newest_s = 0.0
+        self._last_block: SampleBlock | None = None
+
+    @property
+    def n_endpoints(self) -> int:
+        """End points confirmed so far."""
+        return len(self._quats)
+
+    @property
+    def paused(self) -> bool:
+        """Whether the next end point is long overdue: the hand rests."""
+        return "pause" in self._detector.state.flags
+
+    @property
+    def period_s(self) -> float | None:
+        """The motion's period as far as known."""
+        return self._detector.period_s or None
+
+    @property
+    def newest_s(self) -> float:
+        """Newest time on the time axis, s; 0 before the first sample."""
+        return self._newest_s
+
+    def feed(self, chunk: AnyChunk) -> TrialUpdate:
+        """Take one chunk."""
+        items = self.link.feed(chunk)
+        decoded = self._feed_clock(items, chunk.host_time_ns)
+        cycles: list[CycleRow] = []
+        for block in self.assembler.feed(items, chunk.host_time_ns):
+            self._rate.add(len(block), chunk.host_time_ns)
+            self._last_block = block
+            cycles += self._feed_block(block)
+        events = [
+            (item, self.assembler.locate_s(item, chunk.host_time_ns)) for item in items if isinstance(item, Event)
+        ]
+        return TrialUpdate(items, decoded, cycles, events)
+
+    def feed_round_trips(self, trips: Iterable[RoundTrip]) -> None:
+        """Take answers to TIME_REQUEST into the clock estimate."""
+        for trip in trips:
+            self._clock.feed_round_trip(trip.sent_ns, trip.receive_us, trip.transmit_us, trip.received_ns)
+
+    def state(self, now_ns: int, elapsed_s: float, link: LinkView, warnings: tuple[str, ...] = ()) -> TrialState:
+        """Give a picture of this moment.
+
+        Parameters
+        ----------
+        now_ns : int
+            Monotonic time (of a replay: the recording's).
+        elapsed_s : float
+            Of the capture.
+        link : LinkView
+            What the capture knows of its link; the rest is filled in here.
+        warnings : tuple of str
+            What a person should know.
+        """
+        online = self._detector.state
+        return replace(
+            self._base,
+            elapsed_s=elapsed_s,
+            n_endpoints=self.n_endpoints,
+            cycles=tuple(self._rows),
+            theta_bar_deg=self._theta_bar_deg,
+            interval_deg=self._interval_deg,
+            motion=MotionView(
+                phase=self._motion_phase(),
+                moving=online.moving,
+                period_s=self.period_s,
+                swing_deg=online.swing_deg or None,
+                cycle_phase=online.phase if online.endpoints else None,
+                flags=online.flags,
+            ),
+            sensor=self._sensor_view(),
+            link=self._link_view(link, now_ns),
+            warnings=warnings,
+        )
+
+    def _feed_clock(self, items: list[StreamItem], host_time_ns: int) -> list[DecodedBatch]:
+        decoded = []
+        for item in items:
+            if isinstance(item, OrientationBatch):
+                mapped = self._clock.feed(item.device_time_us, host_time_ns)
+                decoded.append(DecodedBatch(mapped.host_time_ns, item.quats_wxyz))
+            elif isinstance(item, Info):
+                self._clock.boot(item.boot_id)
+        return decoded
+
+    def _feed_block(self, block: SampleBlock) -> list[CycleRow]:
+        self._newest_s = max(self._newest_s, float(block.time_s.max()))
+        # Samples that come late are in the recording; the detector, being causal, passes them over.
+        found = self._detector.feed(block.time_s, block.quats_wxyz, block.index.tolist())
+        return [self._enter(endpoint) for endpoint in found]
+
+    def _enter(self, endpoint: Endpoint) -> CycleRow:
+        quat = np.asarray(endpoint.quat_wxyz, dtype=np.float64)
+        previous = self._quats[-1] if self._quats else None
+        self._quats.append(quat)
+        step_deg = axis = None
+        if previous is not None:
+            step = rotations.log(rotations.difference(quat, previous))
+            step_rad = float(np.linalg.norm(step))
+            step_deg = float(np.degrees(step_rad))
+            axis = _axis(step, step_rad)
+            drift = rotation_drift(np.array(self._quats))
+            self._theta_bar_deg = drift.theta_bar_deg
+            n = len(self._quats)
+            if n > MIN_STEPS and (n <= EVERY_CYCLE or n % 10 == 0):
+                interval = drift_interval(drift.step_rotations_wxyz)
+                self._interval_deg = None if interval is None else (interval.low_deg, interval.high_deg)
+        row = CycleRow(
+            number=len(self._quats) - 1,
+            time_s=float(endpoint.time_s),
+            period_s=None if self._last_endpoint_s is None else float(endpoint.time_s) - self._last_endpoint_s,
+            step_deg=step_deg,
+            step_axis=axis,
+            theta_bar_deg=self._theta_bar_deg,
+            flags=tuple(endpoint.flags),
+        )
+        self._last_endpoint_s = float(endpoint.time_s)
+        self._rows.append(row)
+        return row
+
+    def _motion_phase(self) -> str:
+        if self._last_block is None:
+            return "no data"
+        return "running" if self.n_endpoints > 1 else "waiting for cycles"
+
+    def _sensor_view(self) -> SensorView:
+        info, status, block = self.assembler.info, self.assembler.status, self._last_block
+        flags = OrientationFlag(int(block.flags[-1])) if block is not None else None
+        w, x, y, z = (None,) * 4 if block is None else map(float, block.quats_wxyz[-1])
+        return SensorView(
+            name="" if info is None else plain(info.name, 32),
+            device_id="" if info is None else f"{info.device_id:016x}",
+            still=None if flags is None else OrientationFlag.STILL in flags,
+            saturated=flags is not None and OrientationFlag.SATURATED in flags,
+            calibrated=None if flags is None else OrientationFlag.CALIBRATED in flags,
+            temperature_c=_number(status.temperature_c) if isinstance(status, Status) else None,
+            battery_v=status.battery_mv / 1000 if isinstance(status, Status) and status.battery_mv else None,
+            orientation_wxyz=None if w is None or x is None or y is None or z is None else (w, x, y, z),
+        )
+
+    def _link_view(self, link: LinkView, now_ns: int) -> LinkView:
+        counters = self.link.counters
+        estimate = self._clock.estimate()
+        block = self._last_block
+        return replace(
+            link,
+            rate_hz=self._rate.rate_hz(now_ns),
+            silent_s=0.0 if block is None else max(0.0, (now_ns - block.host_time_ns) / 1e9),
+            n_bytes=self.link.n_bytes,
+            losses=self.assembler.losses(self.link.damaged_frames),
+            crc_errors=counters.crc_errors,
+            malformed=counters.malformed,
+            segments=len(self.assembler.segments),
+            skew_ppm=estimate.skew_ppm if estimate is not None and estimate.warm else None,
+            jitter_p99_ms=None if estimate is None else _number(estimate.jitter_p99_ns / 1e6),
+        )
+
+
+def _axis(step: npt.NDArray[np.float64], step_rad: float) -> tuple[float, float, float] | None:
+    if step_rad < 1e-9:
+        return None
+    x, y, z = (float(part) for part in step / step_rad)
+    return x, y, z
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
