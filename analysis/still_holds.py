@@ -118,6 +118,9 @@ def block_orientations(times_s: FloatArray, quats_wxyz: FloatArray, block_s: flo
     number = ((times_s - times_s[0]) / block_s).astype(np.int64)
     starts = np.flatnonzero(np.concatenate(([True], np.diff(number) > 0)))
     counts = np.diff(np.append(starts, len(times_s)))
+    # The mean of a block with few samples (the last one, usually) is noisier than the others: it joins its predecessor.
+    starts = starts[np.concatenate(([True], counts[1:] >= 0.5 * np.median(counts)))]
+    counts = np.diff(np.append(starts, len(times_s)))
     sums = np.add.reduceat(rotations.continuous_signs(quats_wxyz), starts, axis=0)
     means = sums / np.linalg.norm(sums, axis=1, keepdims=True)
     steps = np.degrees(rotations.log(rotations.difference(means[1:], means[:-1])))
