@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import Protocol
 
 from firmware_protocol.stream import StreamCounters, StreamDecoder, StreamItem
-from host.transports.chunks import AnyChunk, Chunk, FrameChunk
+from host.transports.chunks import AnyChunk, FrameChunk
 
 COALESCED_BYTES = 65536
 COALESCED_NS = 250_000_000
@@ -30,10 +30,13 @@ class Link:
     ----------
     decoder : PacketDecoder, optional
         By default the one for the first chunk's kind.
+    node : int or None
+        Node id of the object on a CAN bus; None takes the first that is heard.
     """
 
-    def __init__(self, decoder: PacketDecoder | None = None) -> None:
+    def __init__(self, decoder: PacketDecoder | None = None, node: int | None = None) -> None:
         self._decoder = decoder
+        self._node = node
         self.n_bytes = 0
         """Bytes received."""
 
@@ -48,18 +51,26 @@ class Link:
         counters = self.counters
         return counters.crc_errors + counters.malformed
 
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What a person should be told of the link's traffic, a sentence each."""
+        return tuple(getattr(self._decoder, "problems", ()))
+
     def feed(self, chunk: AnyChunk) -> list[StreamItem]:
         """Decode one chunk; what it completed, in wire order."""
         if self._decoder is None:
-            self._decoder = decoder_for(chunk)
+            self._decoder = decoder_for(chunk, self._node)
         self.n_bytes += len(chunk.data)
         return self._decoder.feed(chunk.data)
 
 
-def decoder_for(chunk: AnyChunk) -> PacketDecoder:
-    """Make the decoder for a chunk's kind."""
+def decoder_for(chunk: AnyChunk, node: int | None = None) -> PacketDecoder:
+    """Make the decoder for a chunk's kind; ``node`` is the node id on a CAN bus, None for the first that is heard."""
     if isinstance(chunk, FrameChunk):
-        raise NotImplementedError("CAN links are not there yet")
+        # Its import takes a while, and a serial capture has no use for it.
+        from firmware_protocol.can_decoder import CanStreamDecoder
+
+        return CanStreamDecoder(node)
     return StreamDecoder()
 
 
@@ -99,5 +110,4 @@ def coalesced(
 def _joined(chunks: list[AnyChunk]) -> AnyChunk:
     if len(chunks) == 1:
         return chunks[0]
-    kind = Chunk if isinstance(chunks[0], Chunk) else FrameChunk
-    return kind(b"".join(chunk.data for chunk in chunks), chunks[-1].host_time_ns)
+    return type(chunks[0])(b"".join(chunk.data for chunk in chunks), chunks[-1].host_time_ns)
