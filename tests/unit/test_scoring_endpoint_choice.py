@@ -1,0 +1,81 @@
+"""End points chosen by a person: on the command line and in a CSV."""
+
+import pytest
+
+from analysis.endpoint_choice import EndpointChoice, as_choice, load_endpoints, parse_endpoints
+from analysis.series import ReaderError
+
+
+def test_rows_and_times_on_the_command_line():
+    assert parse_endpoints("1175, 1639,2099") == EndpointChoice("row", (1175.0, 1639.0, 2099.0))
+    assert parse_endpoints("1.5s,2s").kind == "time_s"
+    assert parse_endpoints("1.5,2.25").values == (1.5, 2.25)
+    assert parse_endpoints("0").values == (0.0,)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no end points given"),
+        (",,", "no end points given"),
+        ("nothing.csv", "is no file of end points and no list"),
+        ("1,two,3", "is no file of end points and no list"),
+        ("1,2.5s", "either rows"),
+        ("5,4", "number 2 .*does not; mend the order"),
+        ("5,5", "must increase"),
+        ("nan,1", "which is no row"),
+        ("1e999,1", "which is no row"),
+        ("\x1b[31m,1", r"'\?\[31m,1' is no file"),
+    ],
+)
+def test_command_line_that_is_neither(text, message):
+    with pytest.raises(ReaderError, match=message):
+        parse_endpoints(text)
+
+
+def test_csv_with_reasons(tmp_path):
+    path = tmp_path / "ends.csv"
+    path.write_text('\ufeffrow,reason\n10,\n20,"hand paused, moved"\n\n30\n', encoding="utf-8")
+    choice = parse_endpoints(str(path))
+    assert choice == EndpointChoice("row", (10.0, 20.0, 30.0), ("", "hand paused, moved", ""), str(path))
+    assert choice.reason(1) == "hand paused, moved"
+    assert EndpointChoice("row", (1.0,)).reason(0) == ""
+
+
+@pytest.mark.parametrize("kind", ["row", "sequence", "time_s"])
+def test_csv_kinds(tmp_path, kind):
+    path = tmp_path / "ends.csv"
+    path.write_text(f"reason,{kind}\nx,1\ny,2\n")
+    assert load_endpoints(path).kind == kind
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "needs a header"),
+        ("time\n1\n", "needs a header"),
+        ("row,time_s\n1,2\n", "needs a header with one of"),
+        ("row\n1\nx\n", "line 3: 'x' is not a number in column row"),
+        ("reason,row\nonly\n", "line 2: '' is not a number"),
+        ("row\n1.5\n", "which is no row"),
+        ('row\n"' + "9" * 200_000 + '"\n', "not a CSV"),
+    ],
+)
+def test_csv_that_is_none(tmp_path, text, message):
+    path = tmp_path / "ends.csv"
+    path.write_text(text)
+    with pytest.raises(ReaderError, match=message):
+        load_endpoints(path)
+
+
+def test_plain_lists_take_the_name_of_the_recording():
+    assert as_choice([1, 5], "sequence") == EndpointChoice("sequence", (1.0, 5.0))
+    choice = EndpointChoice("time_s", (0.5, 1.5))
+    assert as_choice(choice, "row") is choice
+
+
+def test_a_choice_checks_itself():
+    with pytest.raises(ReaderError, match="named by row"):
+        EndpointChoice("line", (1.0,))
+    with pytest.raises(ReaderError, match="2 reasons do not fit 1"):
+        EndpointChoice("row", (1.0,), ("a", "b"))
