@@ -6,11 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis import rotations
 from analysis.baseline import StaticBaseline
+from analysis.drift import rotation_drift
 from analysis.endpoint_choice import EndpointChoice
 from analysis.scoring import score_series
 from analysis.series import OrientationSeries, SeriesError, SetAside
 from tests.simulated_motion import cosine, random_smooth, simulate, trapezoid
+
+COMPANIONS = (
+    "n_steps mean_step_deg median_step_deg dispersion_deg axis_share net_rotation_deg max_excursion_deg "
+    "without_first_deg without_last_deg leave_one_out_deg slope_deg_per_cycle top_eigenvalue_share interval "
+    "over_phase_deg step_axes"
+)
 
 
 @pytest.fixture(scope="module")
@@ -62,23 +70,7 @@ def test_json_has_every_field_and_only_finite_numbers(score):
     assert result["losses"] is None
     assert set(result["other_extreme"]) >= {"theta_bar_deg", "endpoints"}
     companions = result["companions"]
-    for name in [
-        "n_steps",
-        "mean_step_deg",
-        "median_step_deg",
-        "dispersion_deg",
-        "axis_share",
-        "net_rotation_deg",
-        "max_excursion_deg",
-        "without_first_deg",
-        "without_last_deg",
-        "leave_one_out_deg",
-        "slope_deg_per_cycle",
-        "top_eigenvalue_share",
-        "interval",
-        "over_phase_deg",
-        "step_axes",
-    ]:
+    for name in COMPANIONS.split():
         assert companions[name] is not None, name
     assert companions["n_steps"] == 9
     assert result["window"]["kind"] == "automatic"
@@ -100,8 +92,6 @@ def test_an_invalid_trial_claims_nothing_in_json():
 def test_chosen_rows_are_scored_exactly(trial):
     rows = true_rows(trial)
     score = score_series(trial.series, endpoints=rows)
-    from analysis.drift import rotation_drift
-
     assert score.theta_bar_deg == rotation_drift(trial.series.quats_wxyz[rows]).theta_bar_deg
     assert [point.index for point in score.endpoints] == rows
     assert score.window.kind == "endpoints"
@@ -237,14 +227,12 @@ def test_scatter_and_fragile_ends_are_warned_of():
     series = simulate(trapezoid, cycles=8, drift_deg=0.0).series
     rows = [round(100 * t) for t in simulate(trapezoid, cycles=8).endpoint_s]
     quats = series.quats_wxyz.copy()
-    from analysis import rotations
-
-    for row in rows:
-        wobble = rotations.exp(np.radians(rng.normal(scale=2.0, size=3)))
+    for row in rows[1:]:  # scatter inside, and a last end point far off
+        wobble = rotations.exp(np.radians(rng.normal(scale=2.0, size=3) + [4.0 * (row == rows[-1]), 0, 0]))
         quats[row] = rotations.multiply(wobble, quats[row])
     score = score_series(replace(series, quats_wxyz=quats), endpoints=rows)
     assert any("hides scatter" in warning for warning in score.warnings)
-    assert any("without the" in warning for warning in score.warnings)
+    assert any("without the last end point" in warning for warning in score.warnings)
 
 
 def test_slip_inside_counts_in_full():
