@@ -111,9 +111,9 @@ class SerialTransport(ClosingTransport):
         ready, _, _ = select.select([self._port.fileno()], [], [], timeout_s)
         if not ready:
             return None
-        host_time_ns = time.monotonic_ns()
         data = self._port.read(MAX_CHUNK_BYTES)
-        return Chunk(data, host_time_ns) if data else None
+        # Stamped after the read: before it, bytes that came in between would seem to arrive before they were sent.
+        return Chunk(data, time.monotonic_ns()) if data else None
 
     def _read_polled(self, timeout_s: float) -> Chunk | None:
         deadline = time.monotonic() + timeout_s
