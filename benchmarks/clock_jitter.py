@@ -48,6 +48,7 @@ def causal(link: SimulatedLink) -> CausalRun:
     began = time.process_time()
     for device_us, span_us, host_ns in zip(newest, span, link.arrival_ns[last].tolist(), strict=True):
         steps += estimator.feed(device_us, host_ns, span_us) is not None
+        assert estimator.line is not None
         lines.append(estimator.line)
     cpu_s = time.process_time() - began
     n = last - first + 1
@@ -84,7 +85,8 @@ def error_ms(link: SimulatedLink, host_ns: IntArray, after_s: float = 0.0) -> Fl
     """Return the distance of mapped from true times about its median, for samples later than ``after_s``, ms."""
     late = link.true_s > link.true_s[0] + after_s
     error = 1e-6 * host_ns[late] - 1e3 * link.true_s[late]
-    return np.abs(error - np.median(error))
+    distance: FloatArray = np.abs(error - np.median(error))
+    return distance
 
 
 def main() -> None:

@@ -61,6 +61,9 @@ class ClockEstimate:
     offset_high_ns: float
     """The true offset at ``reference_us`` is not above this, ns. It may be below ``offset_ns``, where round trips show
     that all samples come with a constant delay."""
+    consistent: bool
+    """Whether the interval is one. If not, somebody stamps too early: the device, its reception of requests (by a
+    stale clock reading), or the host, its arrivals (before the read that brought them)."""
     jitter_p50_ns: float
     """Median of the arrival residuals (arrival minus mapped time of a chunk's newest sample), last 2048 chunks, ns."""
     jitter_p99_ns: float

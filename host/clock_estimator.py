@@ -191,6 +191,8 @@ class ClockEstimator:
         uppers = [*self._bins, *(high for _, high in self._round_trips)]
         if self._open_point is not None:
             uppers.append(self._open_point)
+        low_ns = max((bound(low, -1) for low, _ in self._round_trips), default=None)
+        high_ns = min(bound(point, 1) for point in uppers)
         jitter = np.percentile(self._residuals, [50, 99]) if self._residuals else np.zeros(2)
         return ClockEstimate(
             segment=self._segment,
@@ -199,8 +201,9 @@ class ClockEstimator:
             delay_slope=line.slope,
             skew_ppm=1e6 * (1000.0 / (1000.0 + line.slope) - 1.0),
             skew_uncertainty_ppm=1e3 * self._slope_uncertainty,
-            offset_low_ns=max((bound(low, -1) for low, _ in self._round_trips), default=None),
-            offset_high_ns=min(bound(point, 1) for point in uppers),
+            offset_low_ns=low_ns,
+            offset_high_ns=high_ns,
+            consistent=low_ns is None or low_ns <= high_ns,
             jitter_p50_ns=float(jitter[0]),
             jitter_p99_ns=float(jitter[1]),
             warm=self._warm,

@@ -144,6 +144,17 @@ def test_a_round_trip_that_contradicts_itself_is_ignored():
     assert estimator.segment == 0
 
 
+def test_a_device_that_stamps_requests_too_early_is_told():
+    estimator, device = ClockEstimator(), Device()
+    run(estimator, device, 0.0, 20.0)
+    assert estimator.estimate().consistent
+    x, now = device.device_us(20.0), device.host_ns(device.device_us(20.0))
+    assert estimator.feed_round_trip(now, x, x + 100, now + 2_000_000) is None
+    assert estimator.estimate().consistent
+    assert estimator.feed_round_trip(now, x - 5_000, x + 100, now + 7_000_000) is None
+    assert not estimator.estimate().consistent
+
+
 def test_a_gap_of_hours_keeps_the_skew_and_is_no_step():
     estimator, device = ClockEstimator(), Device()
     run(estimator, device, 0.0, 60.0)
