@@ -7,6 +7,7 @@ text that goes into a message is shortened and stripped of control characters.
 
 from __future__ import annotations
 
+import codecs
 import math
 import os
 from collections.abc import Iterator, Sequence
@@ -83,14 +84,14 @@ def head_lines(path: Path, limit: int = 20) -> list[str]:
         start = file.read(4 * MAX_LINE_BYTES)
     if b"\0" in start:
         raise ReaderError(f"{plain(path.name, 80)} is not a text file, nor a binary format known here")
-    lines = start.split(b"\n")
+    lines = start.removeprefix(codecs.BOM_UTF8).split(b"\n")
     if len(start) == 4 * MAX_LINE_BYTES:
         lines.pop()  # cut off in the middle
-    found = [line.decode("utf-8-sig", "replace").strip("\r\n") for line in lines if line.strip()][:limit]
+    found = [line.decode("utf-8", "replace").strip("\r\n") for line in lines if line.strip()][:limit]
+    if start and not start.strip():
+        raise ReaderError(f"{plain(path.name, 80)} has no lines of text")
     if any(len(line) > MAX_LINE_BYTES for line in found) or (start and not found):
-        raise ReaderError(
-            f"{plain(path.name, 80)} has lines longer than {MAX_LINE_BYTES} bytes; it is no table of numbers"
-        )
+        raise ReaderError(f"{plain(path.name, 80)} has lines of over {MAX_LINE_BYTES} bytes; it is no table of numbers")
     return found
 
 

@@ -228,7 +228,8 @@ def test_scatter_and_fragile_ends_are_warned_of():
     rows = [round(100 * t) for t in simulate(trapezoid, cycles=8).endpoint_s]
     quats = series.quats_wxyz.copy()
     for row in rows[1:]:  # scatter inside, and a last end point far off
-        wobble = rotations.exp(np.radians(rng.normal(scale=2.0, size=3) + [4.0 * (row == rows[-1]), 0, 0]))
+        push = np.array([4.0 if row == rows[-1] else 0.0, 0.0, 0.0])
+        wobble = rotations.exp(np.radians(rng.normal(scale=2.0, size=3) + push))
         quats[row] = rotations.multiply(wobble, quats[row])
     score = score_series(replace(series, quats_wxyz=quats), endpoints=rows)
     assert any("hides scatter" in warning for warning in score.warnings)

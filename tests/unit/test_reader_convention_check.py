@@ -1,0 +1,58 @@
+"""Data that contradict the declared convention are warned of; data that agree are not."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from analysis.readers.convention_check import convention_warnings
+from analysis.series import OrientationSeries
+
+N = 3000
+TIMES = np.arange(N) / 100.0
+SWING = np.outer(np.sin(2 * np.pi * TIMES / 3.0), [0.1, 0.2, 0.6])
+CREEP = np.outer(TIMES / 3.0, np.radians([2.0, 1.0, 0.0]))
+POSES = Rotation.from_rotvec(SWING) * Rotation.from_rotvec(CREEP) * Rotation.from_rotvec([0.5, 0.2, -0.9])
+UP = 9.81 * POSES.inv().apply([0.0, 0.0, 1.0]) + np.random.default_rng(1).normal(scale=0.1, size=(N, 3))
+
+
+def series(quats, accelerations=None):
+    return OrientationSeries(TIMES[: len(quats)], quats, np.arange(len(quats)), accelerations_mps2=accelerations)
+
+
+def test_sound_data_are_silent():
+    assert convention_warnings(series(POSES.as_quat(scalar_first=True), UP)) == ()
+    assert convention_warnings(series(POSES.as_quat(scalar_first=True)[:5])) == ()
+
+
+def test_gravity_shows_the_other_way_round():
+    (warning, *_) = convention_warnings(series(POSES.inv().as_quat(scalar_first=True), UP))
+    assert "gravity wanders" in warning
+    assert "the other way round (world to body) it would be 1.000" in warning
+
+
+def test_gravity_shows_the_order_of_components():
+    warnings = convention_warnings(series(POSES.as_quat(), UP))  # scalar last, read as scalar first
+    assert "read with the scalar last it would be 1.000" in warnings[0]
+
+
+def test_gravity_is_not_judged_without_turning():
+    still = np.tile(POSES[0].as_quat(scalar_first=True), (N, 1))
+    assert convention_warnings(series(still, np.random.default_rng(2).normal(size=(N, 3)))) == ()
+
+
+def test_axis_of_motion_shows_the_other_way_round():
+    (warning,) = convention_warnings(series(POSES.inv().as_quat(scalar_first=True)))
+    assert "steadier in the object" in warning
+
+
+def test_jumps_are_named():
+    quats = POSES.as_quat(scalar_first=True)
+    quats[1500:] = (Rotation.from_rotvec([0, 1.5, 0]) * POSES[1500:]).as_quat(scalar_first=True)
+    warnings = convention_warnings(series(quats))
+    assert "jumps 1 times, first by 86 deg at row 1500" in warnings[0]
+
+
+def test_a_jump_across_a_gap_is_none():
+    quats = POSES.as_quat(scalar_first=True)
+    keep = np.r_[0:1000, 1075:3000]
+    cut = OrientationSeries(TIMES[keep], quats[keep], keep)
+    assert convention_warnings(cut) == ()
