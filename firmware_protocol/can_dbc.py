@@ -25,9 +25,11 @@ from firmware_protocol.wire_values import ACCELERATION_LSB_G, GYRO_LSB_DPS
 
 RECONSTRUCTION = (
     "Quaternion of the object, body to world, scalar first. LargestIndex names the component left out "
-    "(0 w, 1 x, 2 y, 3 z): it is sqrt(1 - a*a - b*b - c*c) of the other three, and positive (q and -q are the same orientation). "
+    "(0 w, 1 x, 2 y, 3 z): it is sqrt(1 - a*a - b*b - c*c) of the other three, and positive "
+    "(q and -q are the same orientation). "
     f"A component is (raw - {SMALLEST_THREE_OFFSET}) / {SMALLEST_THREE_SCALE!r}. "
-    "Signal QuatX_0 is x where LargestIndex is 0. The device time of the sample follows from TIME, its flags from SAMPLE_STATE."
+    "Signal QuatX_0 is x where LargestIndex is 0. "
+    "The device time of the sample follows from TIME, its flags from SAMPLE_STATE."
 )
 _COMPONENTS = "WXYZ"
 _STATES = tuple((int(state), state.name) for state in DeviceState)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol.can_counters import CanCounters
-from firmware_protocol.can_frames import CanFrame, FrameArray, FrameFlag, frame_array
+from firmware_protocol.can_frames import CLASSIC_BYTES, CanFrame, FrameArray, FrameFlag, frame_array
 from firmware_protocol.can_mapping import (
     FD_BIT,
     FUNCTIONS,
@@ -19,15 +20,19 @@ from firmware_protocol.can_mapping import (
     NODE_BITS,
     NODE_MASK,
     CanFunction,
+    arbitration_id,
 )
 from firmware_protocol.can_node_decoder import NodeDecoder
+from firmware_protocol.can_quick_path import MAX_QUICK_FRAMES, plain_samples
 from firmware_protocol.errors import MalformedPacketError, PacketValueError
+from firmware_protocol.packets import OrientationBatch
 from firmware_protocol.stream import StreamItem
 
 _OURS = np.zeros(2048, np.bool_)
 for _function in CanFunction:
     for _bit in (0, FD_BIT):
         _OURS[_bit | _function << NODE_BITS : (_bit | _function << NODE_BITS) + NODE_MASK + 1] = True
+_QUICK_BYTES = 8 + 32 * MAX_QUICK_FRAMES
 _NOT_DATA = int(FrameFlag.ERROR | FrameFlag.REMOTE | FrameFlag.EXTENDED | FrameFlag.SENT)
 
 
@@ -117,6 +122,15 @@ class CanBusDecoder:
                 items[node] = found
         return items
 
+    def feed_next(self, node: int, frames: Sequence[tuple[int, int]]) -> OrientationBatch | None:
+        """Take a few ORIENTATION frames of one node if they are plainly the next samples; else None."""
+        decoder = self.nodes.get(node)
+        batch = None if decoder is None else decoder.feed_next(frames)
+        if batch is not None:
+            self._bytes += CLASSIC_BYTES * len(frames)
+            self._heard[node] += len(frames)
+        return batch
+
     def follow_only(self, node: int) -> None:
         """From now on, follow this node alone."""
         self._only = frozenset({node})
@@ -183,6 +197,11 @@ class CanStreamDecoder:
         """Take one or more frame batches; return what they complete, in wire order."""
         if self._node is None:
             self._choose(data)
+        elif len(data) <= _QUICK_BYTES:
+            frames = plain_samples(data, arbitration_id(CanFunction.ORIENTATION, self._node))
+            batch = None if frames is None else self._bus.feed_next(self._node, frames)
+            if batch is not None:
+                return [batch]
         return self._bus.feed(data).get(self._node or 0, [])
 
     def _choose(self, data: bytes) -> None:

@@ -1,7 +1,7 @@
 """Packets longer than one CAN frame: ISO-TP (ISO 15765-2) through can-isotp, as a thing without I/O.
 
-Frames in, whole packets and frames to be sent out; no thread and no bus. Time-outs (1 s for flow control and for the
-next frame) run on the machine's clock inside the library and only matter where frames are lost.
+Frames in, whole packets and frames to be sent out; no thread and no bus. Time-outs (250 ms for flow control, 1 s for
+the next frame) run on the machine's clock inside the library and only matter where frames are lost.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 MAX_PACKET_BYTES = 4095
 """Longer ones are refused: no packet of any version comes near."""
+FLOW_CONTROL_MS = 250
+"""How long the sender waits for flow control: with nobody there, the next packet waits no longer than that."""
 MAX_WAITING = 8
 """Packets that may wait to be sent; more are dropped, as nobody answers."""
 
@@ -60,6 +62,7 @@ class LongPacketChannel:
             logger.addHandler(logging.NullHandler())
         params = {
             "stmin": 0,
+            "rx_flowcontrol_timeout": FLOW_CONTROL_MS,
             "blocksize": 0,
             "max_frame_size": MAX_PACKET_BYTES,
             "can_fd": fd,

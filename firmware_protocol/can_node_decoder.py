@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any
@@ -20,6 +21,7 @@ from firmware_protocol.can_mapping import (
     CanFunction,
 )
 from firmware_protocol.can_numbering import LATE_WINDOW, MAX_HELD, Marks, Numbering
+from firmware_protocol.can_quick_path import next_samples
 from firmware_protocol.can_rare_frames import RareFrames
 from firmware_protocol.can_timeline import Timeline
 from firmware_protocol.packets import OrientationBatch, PacketType
@@ -133,6 +135,17 @@ class NodeDecoder:
             items += self._run(function[start:end], records[start:end])
         return items
 
+    def feed_next(self, frames: Sequence[tuple[int, int]]) -> OrientationBatch | None:
+        """Take a few ORIENTATION frames (host time, data as u64) if they are plainly the next samples; else None."""
+        if self._held is not None or self.in_conflict:
+            return None
+        batch = next_samples(frames, self._numbering, self._timeline)
+        if batch is not None:
+            self._frames += len(frames)
+            self._samples += len(frames)
+            self._sequence.feed(batch.sequence.tolist())
+        return batch
+
     def flush(self) -> list[StreamItem]:
         """Give away the samples still held, numbered as well as can be: no TIME frame will follow."""
         if self._held is None:
@@ -241,12 +254,12 @@ class NodeDecoder:
             else:
                 self._hold(records[np.sort(np.concatenate([samples, marks]))])
             return nothing
-        wait = not is_last and len(samples) <= MAX_HELD
         counters, taken = self._numbering.number(
             codes[samples].astype(np.uint8),
             host_ns[samples],
             Marks(np.searchsorted(samples, marks).astype(np.int64), mark_counters, host_ns[marks]),
-            self._timeline.period_ns if wait else np.inf,
+            self._timeline.period_ns,
+            may_hold=not is_last,
         )
         if taken < len(samples):
             self._hold(records[samples[taken:]])

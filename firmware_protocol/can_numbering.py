@@ -53,7 +53,12 @@ class Numbering:
     """Samples given away that a later TIME frame showed to be numbered 256 or more too low."""
 
     def number(
-        self, sequence: npt.NDArray[np.uint8], host_ns: IntArray, marks: Marks, period_ns: float
+        self,
+        sequence: npt.NDArray[np.uint8],
+        host_ns: IntArray,
+        marks: Marks,
+        period_ns: float,
+        may_hold: bool = True,
     ) -> tuple[IntArray, int]:
         """Give a run of samples their counters.
 
@@ -67,11 +72,13 @@ class Numbering:
             The TIME frames among them; counters must not fall, nor begin behind what was numbered before.
         period_ns : float
             Sample period.
+        may_hold : bool
+            Whether samples may wait for a TIME frame to come.
 
         Returns
         -------
         counters : (m,)
-            Of the first m samples.
+            Of the first m samples; negative where a sample cannot be numbered.
         m : int
             The others are held: give them again, in front of the next run.
         """
@@ -96,10 +103,13 @@ class Numbering:
                     high = mark_counters[0] - 1 + LATE_WINDOW
                     newest = high - (high - int(low_bits[last - 1])) % SEQUENCE_MODULUS
                     start = newest - int(total[last - 1] - total[first])
+                    unknown = self._before_silence(host_ns[first:last], period_ns)
                 else:
+                    unknown = 0
                     low = self.expected - LATE_WINDOW
                     start = low + (int(low_bits[first]) - low) % SEQUENCE_MODULUS
                 np.add(total[first:last], start - int(total[first]), out=counters[first:last])
+                counters[first : first + unknown] = -1
                 self.expected = int(counters[last - 1]) + 1
             if segment < n_marks:
                 mark, mark_ns = mark_counters[segment], mark_times_ns[segment]
@@ -110,11 +120,17 @@ class Numbering:
                 self.longest_silence_ns = -1
                 self.given_since_silence = 0
         first = edges[-2]
-        taken = self._given(host_ns, first, n, period_ns)
+        taken = self._given(host_ns, first, n, period_ns if may_hold else np.inf)
         if first < n:
             # Held samples have no number yet.
             self.expected = int(counters[taken - 1]) + 1 if taken > first else expected_before
         return counters[:taken], taken
+
+    @staticmethod
+    def _before_silence(host_ns: IntArray, period_ns: float) -> int:
+        """How many samples stand before the last long silence: nothing tells how many were lost in it."""
+        long = np.flatnonzero(np.diff(host_ns) > SILENCE_SAMPLES * period_ns)
+        return int(long[-1]) + 1 if len(long) else 0
 
     def _place(
         self, unseen: int, counters: IntArray, host_ns: IntArray, steps: IntArray, first: int, last: int, mark_ns: int
@@ -138,6 +154,8 @@ class Numbering:
         silences = np.diff(np.concatenate([[self.heard_ns], host_ns[first:n]]))
         long = np.flatnonzero(silences > SILENCE_SAMPLES * period_ns)
         taken = first + int(long[0]) if len(long) else n
+        if n - taken > MAX_HELD:  # no TIME frame comes any more: better a guess than nothing
+            taken = n
         if taken > first:
             self.given_since_silence += taken - first
             place = int(np.argmax(silences[: taken - first]))

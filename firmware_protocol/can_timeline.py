@@ -22,6 +22,7 @@ class Timeline:
     """The TIME and SAMPLE_STATE frames of one boot that still matter."""
 
     def __init__(self) -> None:
+        self._newest: tuple[int, int, int, int, int] | None = None
         self._mark_counters = np.empty(0, np.int64)
         self._mark_times_us = np.empty(0, np.int64)
         self._state_counters = np.empty(0, np.int64)
@@ -38,8 +39,22 @@ class Timeline:
         """Sample period by the newest SAMPLE_STATE; infinite before the first."""
         return 1e9 / float(self._state_rates_hz[-1]) if len(self._state_rates_hz) else float("inf")
 
+    @property
+    def newest(self) -> tuple[int, int, int, int, int] | None:
+        """The newest TIME (counter, device time) and SAMPLE_STATE (counter, flags, rate); None before both."""
+        if self._newest is None and self.is_known:
+            self._newest = (
+                int(self._mark_counters[-1]),
+                int(self._mark_times_us[-1]),
+                int(self._state_counters[-1]),
+                int(self._state_flags[-1]),
+                int(self._state_rates_hz[-1]),
+            )
+        return self._newest
+
     def add_marks(self, codes: CodeArray, reference: int) -> IntArray:
         """Take TIME frames (k,) as u64; return their counters (k,), unwrapped near the reference."""
+        self._newest = None
         counters = unwrapped(codes.astype(np.uint32), reference)
         self._mark_counters = np.concatenate([self._mark_counters, counters])
         self._mark_times_us = np.concatenate([self._mark_times_us, (codes >> np.uint64(32)).astype(np.int64)])
@@ -47,6 +62,7 @@ class Timeline:
 
     def add_states(self, codes: CodeArray, reference: int) -> int:
         """Take SAMPLE_STATE frames (k,) as u64; return how many were impossible and left out."""
+        self._newest = None
         rates_hz = (codes >> np.uint64(40) & np.uint64(0xFFFF)).astype(np.int64)
         good = (rates_hz >= MIN_RATE_HZ) & (rates_hz <= MAX_RATE_HZ)
         codes, rates_hz = codes[good], rates_hz[good]

@@ -260,3 +260,16 @@ def test_impossible_states_are_malformed(traffic: list[CanFrame]) -> None:
     got = joined(fed(decoder, frames, 100))
     assert decoder.counters.malformed > 10
     assert len(got.sequence) == 6000
+
+
+def test_one_frame_at_a_time_gives_the_same_to_the_last_bit(traffic: list[CanFrame]) -> None:
+    rows = sample_rows(traffic)
+    frames = [frame for row, frame in enumerate(traffic) if row not in {rows[700], rows[2000], rows[2001]}]
+    frames.insert(3991, frames[3990])
+    whole, single = CanStreamDecoder(3), CanStreamDecoder(3)
+    one, other = joined(fed(whole, frames, 100_000)), joined(fed(single, frames, 1))
+    assert np.array_equal(one.sequence, other.sequence)
+    assert np.array_equal(one.device_time_us, other.device_time_us)
+    assert np.array_equal(one.quats_wxyz, other.quats_wxyz)
+    assert np.array_equal(one.flags, other.flags)
+    assert whole.counters == single.counters
