@@ -6,11 +6,10 @@ ROS quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 14
 
 from __future__ import annotations
 
-import sqlite3
-import zlib
+import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +22,20 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 SQLITE_MAGIC = b"SQLite format 3"
 
 
-class _Message(Protocol):
-    header: Any
-
-
+_LIBRARIES = {"rosbags", "lz4", "backports", "ruamel", "apsw", "bz2", "zlib"}
+_DAMAGE = (
+    OSError,
+    EOFError,
+    ValueError,
+    LookupError,
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    TypeError,
+    MemoryError,
+    RecursionError,
+    struct.error,
+)
 _Pose = tuple[Any, Any | None, Any | None]  # quaternion, position, acceleration
 
 
@@ -110,11 +119,11 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
             return _collect(messages, TYPES[kind], path, f"{name} ({kind})")
     except ReaderError:
         raise
-    except (AnyReaderError, sqlite3.Error, zlib.error, OSError, ValueError, KeyError, IndexError, EOFError) as error:
+    except AnyReaderError as error:
         raise ReaderError(f"{plain(path.name, 80)} cannot be read as a bag: {plain(str(error), 160)}") from error
     except Exception as error:
-        # rosbags and its decompressors raise a dozen private exceptions on damaged files; none says more to a user.
-        if type(error).__module__.split(".")[0] in {"rosbags", "struct", "lz4", "backports", "ruamel"}:
+        # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through.
+        if isinstance(error, _DAMAGE) or type(error).__module__.split(".")[0] in _LIBRARIES:
             raise ReaderError(f"{plain(path.name, 80)} is damaged: {plain(str(error), 160)}") from error
         raise
 
