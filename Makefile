@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet
 
-.PHONY: demo test lint format bench docs clean
+.PHONY: demo test lint format recordings bench docs clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -37,6 +37,9 @@ lint: $(VENV)/.dev
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+recordings: $(VENV)/.dev
+	$(BIN)/python -m benchmarks.recordings_table
 
 clean:
 	rm -rf $(VENV) build *.egg-info

@@ -41,7 +41,7 @@ class CycleSettings:
     """A turning point counts when the angle travels this share of the range of motion on both sides."""
     spacing: tuple[float, float] = (0.7, 1.35)
     """Distance between end points that makes a regular cycle, periods."""
-    swing: tuple[float, float] = (0.6, 1.6)
+    swing: tuple[float, float] = (0.5, 1.6)
     """Travel to and from an end point that makes a regular cycle, shares of the range of motion."""
     even_swings: tuple[float, float] = (0.75, 1.33)
     """Swings of one size: every swing is a cycle even where tempo changes hide the period, shares of the median."""

@@ -50,7 +50,8 @@ class Samples:
     def orientation(self, time_s: float, reach_s: float) -> FloatArray:
         """(4,) average of the samples around a moment, weights falling linearly to 0 at ``reach_s``.
 
-        At least the three nearest samples are used. The weights fall to 0, so that a moment that shifts by a
+        At least the three nearest samples are used. Each stands for the time around it, so that the average is one
+        over time and lost samples do not pull it to one side. The weights fall to 0, so that a moment that shifts by a
         rounding error never takes in or loses a whole sample.
         """
         middle = int(np.searchsorted(self.times_s, time_s))
@@ -60,7 +61,9 @@ class Samples:
         first, last = np.searchsorted(self.times_s, (time_s - reach_s, time_s + reach_s), side="left")
         rows = slice(int(first), max(int(last), int(first) + 1))
         weights = np.maximum(1.0 - np.abs(self.times_s[rows] - time_s) / reach_s, 0.0)
-        return rotations.average(self.quats_wxyz[rows], weights)
+        edges = self.times_s[max(int(first) - 1, 0) : rows.stop + 1]
+        own = np.gradient(edges)[int(first) - max(int(first) - 1, 0) :][: len(weights)]
+        return rotations.average(self.quats_wxyz[rows], weights * own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +118,8 @@ def measure(
     travel: list[tuple[float, float]] = []
     refused: list[LeftOut] = []
     for k in np.flatnonzero(found.upper == upper).tolist():
-        depth = settings.dwell_depth * min(swing_rad, float(before[k]), float(after[k]))
+        small = min(float(before[k]), float(after[k])) / settings.hysteresis  # below R where humps were passed over
+        depth = settings.dwell_depth * min(swing_rad, small)
         first, last = dwell(angle, int(found.points[k]), int(bounds[k]), int(bounds[k + 2]), depth)
         time_s = start_s + 0.5 * (first + last) * step_s
         gap_s = samples.bracket_s(time_s)

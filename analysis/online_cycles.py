@@ -230,7 +230,7 @@ class OnlineCycleDetector:
             [point for point in self._ring if point.time_s >= start.time_s],
             extreme,
             usual_rad=median((*self._swings, travel)),
-            period_s=self.period_s or 2.0 * (extreme.time_s - start.time_s),
+            period_s=self.period_s,
             settings=self._settings,
         )
         if not self._swings and put_in_place:

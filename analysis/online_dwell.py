@@ -36,7 +36,7 @@ def place_endpoint(
     usual_rad
         Usual swing, rad.
     period_s
-        Length of a cycle as far as known, s.
+        Length of a cycle, s; 0 where unknown: then twice the time it took to come here.
     settings
         Depth of the dwell, width of the average, largest gap.
 
@@ -54,13 +54,16 @@ def place_endpoint(
     middle = int(np.searchsorted(times_s, extreme.time_s))
     near = slice(max(middle - 8, 0), middle + 9)  # smoothing moves the extreme a little
     middle = near.start + int(np.argmax(sign * angle[near]))
-    stretch = dwell(angle, middle, 0, len(angle) - 1, settings.dwell_depth * min(travel, usual_rad))
+    stretch = dwell(
+        angle, middle, 0, len(angle) - 1, settings.dwell_depth * min(travel / settings.hysteresis, usual_rad)
+    )
     from_s, to_s = np.interp(stretch, np.arange(len(times_s)), times_s).tolist()
     time_s = 0.5 * (from_s + to_s)
     moved = np.flatnonzero(np.abs(angle - angle[0]) > settings.dwell_depth * travel)
     rise_s = from_s - float(times_s[moved[0]]) if len(moved) else 0.0
     distance_s = np.abs(times_s - time_s)
     third_s = float(np.sort(distance_s)[min(3, len(distance_s) - 1)])
+    period_s = period_s or 2.0 * (rise_s + 0.5 * (to_s - from_s))
     reach_s = max(settings.average * period_s, third_s, 1e-9)
     rows = np.flatnonzero(distance_s < reach_s)
     gap_s = float(np.diff(times_s[max(int(rows[0]) - 1, 0) : int(rows[-1]) + 2]).max())
