@@ -13,5 +13,6 @@ COMMANDS = (
     "score",
     "replay",
     "init",
+    "convert",
 )
 """Subcommands in the order of the help."""

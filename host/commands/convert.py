@@ -1,0 +1,77 @@
+"""``rotdrift convert``: a recording as a file of another tool."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+SUFFIXES = {".csv": "csv", ".tum": "tum", ".txt": "tum", ".parquet": "parquet", ".mat": "mat"}
+"""What the name of the output says where ``--to`` is not given."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand and its arguments."""
+    parser = subparsers.add_parser(
+        "convert",
+        help="write a recording as CSV, TUM, parquet, .mat, ROS 2 bag",
+        description="Write any recording that `rotdrift score` reads in another format. Nothing is overwritten.",
+        epilog=(
+            "formats: csv (named columns), endpoints (CSV for docs/rotdrift_score.m), tum, parquet, mat,\n"
+            "         ros2 (bag, a folder), kit (the benchmark authors' layout)\n"
+            "example: rotdrift convert trial.mcap trial.mat"
+        ),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("file", type=Path, metavar="FILE", help="what to convert")
+    parser.add_argument("out", type=Path, metavar="OUT", help="what to write")
+    parser.add_argument(
+        "--to",
+        choices=("csv", "endpoints", "tum", "parquet", "mat", "ros2", "kit"),
+        help="format (default: by the name of OUT)",
+    )
+    parser.add_argument("--columns", metavar="SPEC", help="what the columns of FILE are: t=time,qw=w,qx=x,qy=y,qz=z")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where FILE has no time stamps")
+    parser.add_argument("--topic", metavar="NAME", help="which topic of a bag")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read, score where the format holds end points, write.
+
+    Raises
+    ------
+    UsageError
+        The format is not clear.
+    FileError
+        FILE cannot be read, or OUT cannot be written or exists.
+    """
+    from analysis.writers import FORMATS, write_series
+    from analysis.writers.errors import WriterError
+    from host.errors import FileError, UsageError
+    from host.scored_recording import ReadOptions, read_recording, score_recording
+
+    kind = args.to or SUFFIXES.get(args.out.suffix.lower())
+    if kind is None:
+        raise UsageError(
+            f"the name {args.out.name} does not say a format", f"choose one with --to {{{','.join(FORMATS)}}}"
+        )
+    reading = ReadOptions(args.columns, args.rate, args.topic)
+    result = None
+    if kind in {"endpoints", "mat"}:
+        scored = score_recording(args.file, None, reading)
+        series, result = scored.series, scored.result
+    else:
+        series, _ = read_recording(args.file, reading)
+    try:
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        said = write_series(series, args.out, kind, result)
+    except FileExistsError as error:
+        raise FileError(f"{args.out} exists already", "give another name, or move it away") from error
+    except WriterError as error:
+        raise UsageError(str(error)) from error
+    except OSError as error:
+        raise FileError(f"{args.out} cannot be written ({(error.strerror or str(error)).lower()})") from error
+    for sentence in said:
+        sys.stderr.write(f"rotdrift: {sentence}\n")
+    sys.stdout.write(f"wrote {args.out}: {len(series)} samples, {FORMATS[kind][0]}\n")
+    return 0

@@ -1,0 +1,104 @@
+"""Any recording, ours or anybody's, read and scored: what report, convert and verify start from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from analysis.endpoint_choice import EndpointChoice
+from analysis.readers import read_series
+from analysis.series import AnalysisError, OrientationSeries, SeriesError
+from analysis.trial_score import TrialScore
+from firmware_protocol.packets import Info
+from host.errors import FileError, UsageError
+from host.recorded_trial import RecordedTrial, load_trial
+from host.recording_reader import is_our_recording
+from host.result import ScoreOptions, score_plain, score_trial
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How to read a file that is not one of our recordings."""
+
+    columns: str | None = None
+    """Meaning of the columns, as ``--columns`` takes it."""
+    rate_hz: float | None = None
+    """Sampling rate where there are no time stamps."""
+    topic: str | None = None
+    """Which topic of a bag."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredRecording:
+    """A recording and its score."""
+
+    series: OrientationSeries
+    """The samples."""
+    score: TrialScore
+    """The score, with the path of the file left out: the same file anywhere gives the same result."""
+    info: Info | None = None
+    """The object as it introduced itself; None for other people's files."""
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The score as JSON values."""
+        return dict(self.score.to_json())
+
+
+def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[OrientationSeries, RecordedTrial | None]:
+    """Read a recording of any format.
+
+    Returns
+    -------
+    series, trial
+        The samples, their source being the bare name of the file; and for our own recordings what else they say.
+
+    Raises
+    ------
+    FileError
+        There is no such file, or it is nothing known.
+    """
+    reading = reading or ReadOptions()
+    try:
+        if path.is_file() and is_our_recording(path):
+            trial = load_trial(path)
+            trial = replace(trial, series=replace(trial.series, source=path.name))
+            return trial.series, trial
+        series = read_series(path, columns=reading.columns, rate_hz=reading.rate_hz, topic=reading.topic)
+    except FileNotFoundError as error:
+        raise FileError(f"there is no file {path}", "check the path") from error
+    except OSError as error:
+        raise FileError(f"{path} cannot be read ({(error.strerror or str(error)).lower()})") from error
+    except AnalysisError as error:
+        raise FileError(str(error)) from error
+    return replace(series, source=path.name), None
+
+
+def score_recording(
+    path: Path, options: ScoreOptions | None = None, reading: ReadOptions | None = None
+) -> ScoredRecording:
+    """Read and score a recording of any format.
+
+    Raises
+    ------
+    FileError
+        The file or the baseline is not what it should be.
+    UsageError
+        Chosen end points or window do not fit the recording.
+    """
+    series, trial = read_recording(path, reading)
+    options = options or ScoreOptions()
+    if options.endpoints is not None:
+        options = replace(options, endpoints=_without_path(options.endpoints))
+    try:
+        score = score_plain(series, options) if trial is None else score_trial(trial, options)
+    except SeriesError as error:
+        raise UsageError(f"{path.name}: {error}", "choose end points or a window inside the recording") from error
+    except AnalysisError as error:
+        raise FileError(f"{path.name}: {error}") from error
+    return ScoredRecording(series, score, None if trial is None else trial.info)
+
+
+def _without_path(choice: EndpointChoice) -> EndpointChoice:
+    return replace(choice, source=Path(choice.source).name)
