@@ -13,7 +13,7 @@ with the same ``command_id`` within 5 s is a retry: it is answered again but not
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -136,6 +136,11 @@ class Firmware:
         self._on_from_s = now_s + off_s
         self._next_status_s = self._calibrated_at_s = np.inf
 
+    def become_another(self, now_s: float, off_s: float) -> None:
+        """Be replaced by another object of the same make, powered up after ``off_s``."""
+        self.settings = replace(self.settings, device_id=self.settings.device_id ^ 1)
+        self.reset(now_s, off_s)
+
     def step_clock(self, now_s: float, by_us: int) -> None:
         """Let the object's clock jump; samples go on at the same pace with the new time."""
         before = self._clock.read_us(now_s)
@@ -185,6 +190,7 @@ class Firmware:
             elif event_s <= now_s:
                 if self._calibrated_at_s <= self._next_status_s:
                     self._end_calibration(event_s)
+                self._queue.drain(event_s, sink)
                 self._status(event_s)
             else:
                 break

@@ -7,14 +7,18 @@ once; what the link then cannot take is dropped and counted by the object.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any
 
-from emulator import EmulatorError, ScenarioError
+from emulator import EmulatorError
+from emulator.faults import TimedFault
+from emulator.injection import FaultInjector
 from emulator.links import Link
 from emulator.scenario import Scenario
 from emulator.truth import write_truth
@@ -50,6 +54,7 @@ def run(
     on_ready: Callable[[str], None] | None = None,
     *,
     seed: int | None = None,
+    live_faults: SimpleQueue[TimedFault] | None = None,
 ) -> RunResult:
     """Run a virtual object until its time is over, ``stop`` is set, or Ctrl-C; blocks.
 
@@ -69,6 +74,8 @@ def run(
         Called once with the link as the host names it, when the object can be reached.
     seed
         In place of the scenario's.
+    live_faults
+        Faults put here happen at once, whatever their ``at_s``; see :func:`emulator.faults.parse_fault_command`.
 
     Returns
     -------
@@ -82,86 +89,93 @@ def run(
         The truth cannot be written, or a run in virtual time would never end.
     """
     stop = stop or threading.Event()
-    run_object = VirtualObject(scenario, seed)
-    truth = _TruthFile(run_object, None if truth_path is None else Path(truth_path))
+    virtual_object = VirtualObject(scenario, seed)
     with link:
+        injector = FaultInjector(virtual_object, link)
+        truth = _TruthFile(virtual_object, injector, None if truth_path is None else Path(truth_path))
         truth.write(0.0)
         if on_ready is not None:
             on_ready(link.host_uri)
-        loop = _virtual_time if link.virtual_time else _real_time
-        end_s = loop(run_object, link, duration_s, stop, truth)
-    document = truth.write(end_s, complete=True)
-    return RunResult(end_s, document)
+        bench = _Bench(virtual_object, injector, link, truth, stop, live_faults)
+        with contextlib.suppress(KeyboardInterrupt):  # the ordinary way to end a run without a duration
+            (bench.virtual_time if link.virtual_time else bench.real_time)(duration_s)
+        end_s = bench.now_s
+    return RunResult(end_s, truth.write(end_s, complete=True))
 
 
 class _TruthFile:
     """The truth, and the file it is kept in."""
 
-    def __init__(self, run_object: VirtualObject, path: Path | None) -> None:
-        self._object, self._path = run_object, path
-        self._next_s, self._endpoints_met = 0.0, -1
+    def __init__(self, virtual_object: VirtualObject, injector: FaultInjector, path: Path | None) -> None:
+        self._object, self._injector, self._path = virtual_object, injector, path
+        self._next_s = 0.0
+        self._said: tuple[int, int] = (-1, -1)
+
+    @property
+    def _news(self) -> tuple[int, int]:
+        return self._object.endpoints_met, self._injector.log.counts.total()
 
     def write(self, now_s: float, *, complete: bool = False) -> dict[str, Any]:
-        document = {**self._object.truth(), "complete": complete, "duration_s": now_s}
+        document = {**self._object.truth(), "complete": complete, "duration_s": now_s, **self._injector.truth()}
         if self._path is not None:
             try:
                 write_truth(self._path, document)
             except OSError as error:
                 raise EmulatorError(f"cannot write the truth to {self._path}: {error.strerror}") from error
         self._next_s = now_s + _TRUTH_EVERY_S
-        self._endpoints_met = self._object.endpoints_met
+        self._said = self._news
         return document
 
     def refresh(self, now_s: float) -> None:
-        if self._path is not None and now_s >= self._next_s and self._object.endpoints_met != self._endpoints_met:
+        if self._path is not None and now_s >= self._next_s and self._news != self._said:
             self.write(now_s)
 
 
-def _real_time(
-    run_object: VirtualObject, link: Link, duration_s: float | None, stop: threading.Event, truth: _TruthFile
-) -> float:
-    end_s = float("inf") if duration_s is None else duration_s
-    started = time.monotonic()
-    now_s = 0.0
-    try:
-        while not stop.is_set() and now_s < end_s:
-            now_s = min(time.monotonic() - started, end_s)
-            run_object.step(now_s, link.send)
-            commands = link.receive()
-            if commands:
-                for command in commands:
-                    run_object.receive(command, now_s)
-                run_object.step(now_s, link.send)
-            truth.refresh(now_s)
-            run_object.firmware.prepare()
-            longest_s = _RETRY_S if run_object.firmware.backlog else _LOOK_UP_S
-            wake_s = min(max(run_object.next_due_s, now_s + GRANULARITY_S), now_s + longest_s, end_s)
-            link.wait(wake_s - (time.monotonic() - started))
-    except KeyboardInterrupt:
-        pass  # Ctrl-C is the ordinary way to end a run without a duration
-    return now_s
+@dataclass
+class _Bench:
+    """A run under way."""
 
+    virtual_object: VirtualObject
+    injector: FaultInjector
+    link: Link
+    truth: _TruthFile
+    stop: threading.Event
+    live_faults: SimpleQueue[TimedFault] | None
+    now_s: float = 0.0
 
-def _virtual_time(
-    run_object: VirtualObject, link: Link, duration_s: float | None, stop: threading.Event, truth: _TruthFile
-) -> float:
-    now_s = 0.0
-    step = 0
-    try:
-        while not stop.is_set():
-            for command in link.receive():
-                run_object.receive(command, now_s)
-            end_s = run_object.end_s if duration_s is None else duration_s
+    def _take_live_faults(self) -> None:
+        while self.live_faults is not None:
+            try:
+                self.injector.inject(self.live_faults.get_nowait())
+            except Empty:
+                return
+
+    def real_time(self, duration_s: float | None) -> None:
+        end_s = float("inf") if duration_s is None else duration_s
+        started = time.monotonic()
+        while not self.stop.is_set() and self.now_s < end_s:
+            self.now_s = min(time.monotonic() - started, end_s)
+            self._take_live_faults()
+            self.injector.step(self.now_s)
+            if self.injector.receive(self.now_s):
+                self.injector.step(self.now_s)
+            self.truth.refresh(self.now_s)
+            self.virtual_object.firmware.prepare()
+            longest_s = _RETRY_S if self.injector.backlog else _LOOK_UP_S
+            wake_s = min(max(self.injector.next_due_s, self.now_s + GRANULARITY_S), self.now_s + longest_s, end_s)
+            self.link.wait(wake_s - (time.monotonic() - started))
+
+    def virtual_time(self, duration_s: float | None) -> None:
+        steps = 0
+        while not self.stop.is_set():
+            self._take_live_faults()
+            self.injector.receive(self.now_s)
+            end_s = self.virtual_object.end_s if duration_s is None else duration_s
             if end_s > _VIRTUAL_LIMIT_S:
-                raise ScenarioError(
-                    "in virtual time a run without a hand that starts needs a duration of at most 7 days"
-                )
-            step += 1
-            now_s = min(step * _VIRTUAL_STEP_S, end_s)
-            run_object.step(now_s, link.send)
-            if now_s >= end_s:
-                break
-            truth.refresh(now_s)
-    except KeyboardInterrupt:
-        pass
-    return now_s
+                raise EmulatorError("a run in virtual time needs a hand that starts, or a duration of at most 7 days")
+            steps += 1
+            self.now_s = min(steps * _VIRTUAL_STEP_S, end_s)
+            self.injector.step(self.now_s)
+            if self.now_s >= end_s:
+                return
+            self.truth.refresh(self.now_s)

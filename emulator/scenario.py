@@ -14,6 +14,7 @@ from pathlib import Path
 from emulator import ScenarioError
 from emulator.device_clock import ClockSettings
 from emulator.device_settings import DeviceSettings
+from emulator.faults import FaultSettings
 from emulator.imu_model import ImuSettings
 from emulator.motion import DriftSettings, MotionSettings
 from emulator.settings import check_settings, integer, read_table, table, text
@@ -41,6 +42,8 @@ class Scenario:
     """The object's clock."""
     device: DeviceSettings = table(DeviceSettings)
     """The object and its firmware."""
+    faults: FaultSettings = table(FaultSettings)
+    """What goes wrong between the object and the host."""
     name: str = "unnamed"
     """Name of the shipped scenario, or stem of the file."""
 

@@ -64,7 +64,7 @@ class Link(ABC):
         Parameters
         ----------
         packets
-            In order, each type byte and fields.
+            In order, each type byte and fields. None at all asks whether anybody is there.
 
         Returns
         -------

@@ -11,8 +11,8 @@ from firmware_protocol.serial_framing import FrameDecoder, encode_frame
 
 __all__ = ["ByteLink", "Tamper"]
 
-Tamper: TypeAlias = Callable[[bytes], bytes]
-"""One frame as it should be on the wire in, the bytes that really go out."""
+Tamper: TypeAlias = Callable[[bytes, bytes], bytes]
+"""A packet and its frame as it should be on the wire in, the bytes that really go out."""
 
 _TAKEN_AT_ONCE_BYTES = 4096
 
@@ -59,7 +59,7 @@ class ByteLink(Link):
         size = 0
         for packet in packets:
             frame = encode_frame(packet)
-            frames.append(frame if self.tamper is None else self.tamper(frame))
+            frames.append(frame if self.tamper is None else self.tamper(packet, frame))
             size += len(frames[-1])
             if size >= _TAKEN_AT_ONCE_BYTES:
                 break

@@ -1,0 +1,142 @@
+"""What can go wrong on purpose: scenario table ``[faults]``, and the log that the truth keeps of every fault.
+
+Two sorts. *Rates* act on each frame by chance, seeded, while the hand's timeline is between ``rates_from_s`` and
+``rates_until_s``. *Timed* faults (``[[faults.at]]``) happen once, at a time of the hand's timeline. Replies (INFO,
+STATUS, ACK, ...) are spared by the faults on whole frames, so that a handshake does not fail by chance; damage to bytes
+spares nothing.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+from emulator import ScenarioError
+from emulator.settings import check_settings, choice, integer, number, tables
+
+__all__ = ["FaultLog", "FaultSettings", "TimedFault", "parse_fault_command"]
+
+KINDS = ("stall", "unplug", "reset", "swap", "clock-step", "flood", "garbage")
+_FOREVER_S = 1e9
+_MAX_LOGGED = 20_000
+
+
+@dataclass(frozen=True)
+class TimedFault:
+    """Scenario table ``[[faults.at]]``: one fault at one time."""
+
+    kind: str = choice("stall", *KINDS)
+    """stall: the link takes nothing. unplug: the link vanishes and comes back. reset: the object loses power and comes
+    back with a new boot id, clock and sequence. swap: unplugged, and another object comes back. clock-step: the clock
+    jumps. flood: samples at a multiple of the rate. garbage: bytes that are no frame."""
+    at_s: float = number(10.0, 0.0, _FOREVER_S)
+    """When, s since the hand's timeline began."""
+    for_s: float = number(1.0, 0.0, 86_400.0)
+    """Stall, unplug, reset, swap, flood: for how long, s."""
+    by_s: float = number(1.0, -5000.0, 5000.0)
+    """Clock step: how far, s."""
+    factor: float = number(10.0, 0.1, 100.0)
+    """Flood: multiple of the rate."""
+    count: int = integer(64, 1, 100_000)
+    """Garbage: how many bytes."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True)
+class FaultSettings:
+    """Scenario table ``[faults]``; the default is none."""
+
+    rates_from_s: float = number(0.0, 0.0, _FOREVER_S)
+    """Rates act from here, s since the hand's timeline began, ..."""
+    rates_until_s: float = number(_FOREVER_S, 0.0, _FOREVER_S)
+    """... to here, s."""
+    drop_probability: float = number(0.0, 0.0, 1.0)
+    """Of each sample's frame: it does not arrive."""
+    duplicate_probability: float = number(0.0, 0.0, 1.0)
+    """Of each sample's frame: it arrives twice."""
+    reorder_probability: float = number(0.0, 0.0, 1.0)
+    """Of each sample's frame: it changes places with the next one."""
+    zero_quaternion_probability: float = number(0.0, 0.0, 1.0)
+    """Of each ORIENTATION: all four numbers are zero, as a filter that fails with NaN sends them."""
+    wrong_norm_probability: float = number(0.0, 0.0, 1.0)
+    """Of each ORIENTATION: the quaternion has half its length."""
+    sign_flip_probability: float = number(0.0, 0.0, 1.0)
+    """Of each ORIENTATION: q is sent as −q, which is the same orientation."""
+    bit_error_rate: float = number(0.0, 0.0, 0.5)
+    """Of each bit of each frame, delimiters too."""
+    burst_probability: float = number(0.0, 0.0, 1.0)
+    """Of each frame: a run of ``burst_bits`` random bits in it."""
+    burst_bits: int = integer(12, 2, 200)
+    """Length of a burst, bits; its first and last bit are wrong, each between with chance one half."""
+    truncate_probability: float = number(0.0, 0.0, 1.0)
+    """Of each frame: its end is missing, from a random place on."""
+    garbage_probability: float = number(0.0, 0.0, 1.0)
+    """Before each frame: up to 40 random bytes."""
+    garbage_before_bytes: int = integer(0, 0, 100_000)
+    """Random bytes before the first frame that leaves."""
+    command_loss_probability: float = number(0.0, 0.0, 1.0)
+    """Of each command: it does not reach the object. Acts at any time."""
+    delivery_interval_ms: float = number(0.0, 0.0, 1000.0)
+    """Packets leave only at multiples of this: 1 as USB polls, 16 like an FTDI adapter, 30 like BLE; 0: at once."""
+    delivery_jitter_ms: float = number(0.0, 0.0, 1000.0)
+    """Each delivery is late by a random time up to this, ms; the order is kept."""
+    at: tuple[TimedFault, ...] = tables(TimedFault)
+    """Timed faults."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        total = self.zero_quaternion_probability + self.wrong_norm_probability + self.sign_flip_probability
+        if total > 1.0 or self.drop_probability + self.duplicate_probability + self.reorder_probability > 1.0:
+            raise ScenarioError("probabilities of faults that exclude each other must not sum to more than 1")
+
+
+def parse_fault_command(text: str) -> TimedFault:
+    """Read a live command: a kind, then optional settings, e.g. ``stall``, ``unplug for_s=2``, ``clock-step by_s=-3``.
+
+    Raises
+    ------
+    ScenarioError
+        No such kind or setting, or a value out of range.
+    """
+    words = text.split()
+    if not words:
+        raise ScenarioError(f"a fault command is one of {', '.join(KINDS)}, then settings such as for_s=2")
+    values: dict[str, Any] = {"kind": words[0], "at_s": 0.0}
+    for word in words[1:]:
+        key, equals, value = word.partition("=")
+        if not equals or key not in ("for_s", "by_s", "factor", "count"):
+            raise ScenarioError(f"unknown setting {word!r}: give for_s=, by_s=, factor= or count=")
+        try:
+            values[key] = int(value) if key == "count" else float(value)
+        except ValueError:
+            raise ScenarioError(f"{key} must be a number, not {value!r}") from None
+    return TimedFault(**values)
+
+
+class FaultLog:
+    """Every fault that happened: the first 20 000 one by one, all by count."""
+
+    def __init__(self) -> None:
+        self.entries: list[dict[str, Any]] = []
+        self.counts: Counter[str] = Counter()
+
+    def add(self, kind: str, time_s: float, count: int = 1, **details: Any) -> None:  # noqa: ANN401
+        """Note a fault.
+
+        Parameters
+        ----------
+        kind
+            What happened.
+        time_s
+            When, s since power-up.
+        count
+            Of how many bits, bytes or frames; 1 where there is only one thing it can happen to.
+        details
+            Anything else, ready for JSON.
+        """
+        self.counts[kind] += 1
+        if len(self.entries) < _MAX_LOGGED:
+            self.entries.append({"kind": kind, "time_s": round(time_s, 6), "count": count, **details})
