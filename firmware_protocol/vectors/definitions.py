@@ -129,7 +129,7 @@ def _streams() -> list[dict[str, Any]]:
     off_norm = b"\x02" + bytes(6) + (0x4000).to_bytes(2, "little") + bytes(7)
     return [
         _stream("two frames", "both received", fa + fb, (1, 2), frames=2, frame_bytes=38),
-        _stream("shared delimiter", "0x00 may end one and begin the next", fa + fb[1:], (1, 2), frames=2, frame_bytes=38),
+        _stream("shared delimiter", "0x00 ends one and begins the next", fa + fb[1:], (1, 2), frames=2, frame_bytes=38),
         _stream("idle zeros", "empty pieces are nothing", bytes(5) + fa + bytes(5), (1,), frames=1, frame_bytes=19),
         _stream(
             "joined midway", "the rest of a frame in front of the first delimiter is no error",
