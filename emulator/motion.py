@@ -62,7 +62,7 @@ class MotionSettings:
     saddle_height: float = number(0.35, 0.0, 0.9)
     """Two-hump: height of the turn between the humps; below ``second_height``."""
     tempo_variation: float = number(0.0, 0.0, 0.3)
-    """Standard deviation of the cycle's duration as a fraction of it; cut at 3 standard deviations and 0.3."""
+    """Standard deviation of the cycle's duration as a fraction of the period; cut at 3 standard deviations."""
     tempo_trend: float = number(0.0, -0.9, 0.9)
     """Change of the cycle's duration from the first to the last cycle as a fraction of the period."""
     amplitude_variation: float = number(0.0, 0.0, 0.3)

@@ -38,6 +38,11 @@ MAX_TABLES = 100
 class _Rule(Protocol):
     """Says what is wrong with a value, or returns the value in the field's own type."""
 
+    @property
+    def allowed(self) -> str:
+        """What is allowed, for people."""
+        ...
+
     def accept(self, value: Any) -> Any:  # noqa: ANN401
         """Return the value as the field holds it; raise ScenarioError saying what is allowed."""
         ...
@@ -50,9 +55,14 @@ class _Number:
     whole: bool = False
     may_be_nan: bool = False
 
-    def accept(self, value: Any) -> float | int:  # noqa: ANN401
+    @property
+    def allowed(self) -> str:
         kind = "a whole number" if self.whole else "a number"
-        allowed = f"must be {kind} from {self.low:g} to {self.high:g}"
+        low, high = (f"{int(end)}" if self.whole else f"{end:g}" for end in (self.low, self.high))
+        return f"{kind} from {low} to {high}{', or nan' if self.may_be_nan else ''}"
+
+    def accept(self, value: Any) -> float | int:  # noqa: ANN401
+        allowed = f"must be {self.allowed}"
         if isinstance(value, bool) or not isinstance(value, int if self.whole else (int, float)):
             raise ScenarioError(f"{allowed}, not {value!r}")
         if self.may_be_nan and math.isnan(value):
@@ -66,9 +76,13 @@ class _Number:
 class _Text:
     max_bytes: int
 
+    @property
+    def allowed(self) -> str:
+        return f"printable text of at most {self.max_bytes} bytes"
+
     def accept(self, value: Any) -> str:  # noqa: ANN401
         if not isinstance(value, str) or len(value.encode()) > self.max_bytes or not value.isprintable():
-            raise ScenarioError(f"must be printable text of at most {self.max_bytes} bytes")
+            raise ScenarioError(f"must be {self.allowed}")
         return value
 
 
@@ -76,17 +90,23 @@ class _Text:
 class _Choice:
     names: tuple[str, ...]
 
+    @property
+    def allowed(self) -> str:
+        return f"one of {', '.join(self.names)}"
+
     def accept(self, value: Any) -> str:  # noqa: ANN401
         if value not in self.names:
-            raise ScenarioError(f"must be one of {', '.join(self.names)}, not {value!r}")
+            raise ScenarioError(f"must be {self.allowed}, not {value!r}")
         return str(value)
 
 
 @dataclass(frozen=True)
 class _Switch:
+    allowed = "true or false"
+
     def accept(self, value: Any) -> bool:  # noqa: ANN401
         if not isinstance(value, bool):
-            raise ScenarioError(f"must be true or false, not {value!r}")
+            raise ScenarioError(f"must be {self.allowed}, not {value!r}")
         return value
 
 
@@ -95,6 +115,12 @@ class _Vector:
     length: int
     item: _Number
     unit: bool = False
+
+    @property
+    def allowed(self) -> str:
+        if self.unit:
+            return f"{self.length} numbers of length 1"
+        return f"{self.length} numbers from {self.item.low:g} to {self.item.high:g}"
 
     def accept(self, value: Any) -> tuple[float, ...]:  # noqa: ANN401
         if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != self.length:
@@ -112,6 +138,10 @@ class _Vector:
 class _Table:
     cls: type[Any]
     many: bool
+
+    @property
+    def allowed(self) -> str:
+        return "tables" if self.many else "a table"
 
     def accept(self, value: Any) -> Any:  # noqa: ANN401
         if not self.many:

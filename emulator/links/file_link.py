@@ -87,7 +87,10 @@ class FileLink(ByteLink):
 
     def _write(self, data: bytes) -> int:
         assert self._file is not None
-        return self._file.write(data)
+        try:
+            return self._file.write(data)
+        except OSError as error:  # nobody to wait for, unlike on a live link
+            raise LinkError(f"cannot write {self.path}: {error.strerror}") from error
 
     def _read(self) -> bytes:
         data, self._start = self._start, b""

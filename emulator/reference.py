@@ -1,0 +1,83 @@
+"""The reference tables of ``docs/emulator.md``, made from the code: ``python -m emulator.reference docs/emulator.md``.
+
+A test compares the document with what this makes.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import sys
+from pathlib import Path
+from typing import Any
+
+from emulator.scenario import Scenario, load_scenario, scenario_names
+
+__all__ = ["fill", "key_tables", "scenario_table"]
+
+_BEGIN, _END = "<!-- made from the code: {} -->", "<!-- end of {} -->"
+
+
+def scenario_table() -> str:
+    """Return the shipped scenarios and what each is for, as a Markdown table."""
+    rows = [f"| `{name}` | {load_scenario(name).purpose} |" for name in scenario_names()]
+    return "\n".join(["| scenario | what it is for |", "|---|---|", *rows])
+
+
+def _meanings(cls: type[Any]) -> dict[str, str]:
+    """Docstrings of a class's fields."""
+    (definition,) = ast.parse(inspect.getsource(cls)).body
+    assert isinstance(definition, ast.ClassDef)
+    meanings = {}
+    for field, doc in zip(definition.body, definition.body[1:], strict=False):
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(doc, ast.Expr):
+            assert isinstance(doc.value, ast.Constant)
+            meanings[field.target.id] = " ".join(str(doc.value.value).replace("``", "`").split())
+    return meanings
+
+
+def _toml(value: Any) -> str:  # noqa: ANN401
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _key_table(cls: type[Any], title: str) -> list[str]:
+    meanings, rows, nested = _meanings(cls), [], []
+    for field in dataclasses.fields(cls):
+        rule = field.metadata.get("rule")
+        if rule is None:
+            continue
+        inner = getattr(rule, "cls", None)
+        if inner is not None:
+            name = f"{title}.{field.name}".removeprefix("top.")
+            nested += _key_table(inner, name if not rule.many else f"[{name}]")
+        else:
+            rows.append(f"| `{field.name}` | `{_toml(field.default)}` | {rule.allowed} | {meanings[field.name]} |")
+    heading = "At the top" if title == "top" else f"`[{title}]`"
+    return [f"### {heading}", "", "| key | default | allowed | meaning |", "|---|---|---|---|", *rows, "", *nested]
+
+
+def key_tables() -> str:
+    """Return every key of a scenario with its default, its range and its meaning, as Markdown tables."""
+    return "\n".join(_key_table(Scenario, "top")).rstrip()
+
+
+def fill(document: str) -> str:
+    """Return a document with its two marked places filled anew."""
+    for name, made in (("scenarios", scenario_table()), ("keys", key_tables())):
+        begin, end = _BEGIN.format(name), _END.format(name)
+        head, _, rest = document.partition(begin)
+        _, _, tail = rest.partition(end)
+        document = f"{head}{begin}\n\n{made}\n\n{end}{tail}"
+    return document
+
+
+if __name__ == "__main__":
+    path = Path(sys.argv[1])
+    path.write_text(fill(path.read_text()))
