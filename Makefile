@@ -22,6 +22,10 @@ $(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
 	@$(PIP) --editable '.[dev]'
 	@touch $@ $(VENV)/.run
 
+$(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python
+	@$(PIP) --editable '.[docs]'
+	@touch $@
+
 demo: $(VENV)/.run
 	$(BIN)/rotdrift demo
 
@@ -40,6 +44,10 @@ format: $(VENV)/.dev
 
 recordings: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.recordings_table
+
+docs: $(VENV)/.dev $(VENV)/.docs
+	$(BIN)/python docs/pictures.py
+	$(BIN)/mkdocs build --quiet
 
 clean:
 	rm -rf $(VENV) build *.egg-info
