@@ -1,0 +1,224 @@
+"""Opening buses through python-can: what each interface wants, and its errors as sentences with a mend."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import re
+import time
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import can
+import serial
+
+from firmware_protocol.can_mapping import MAX_NODE, MIN_NODE, NODE_MASK
+from host.errors import LinkError, NoAnswerError, PortBusyError, PortNotFoundError, PortPermissionError, UsageError
+from host.link_uri import LinkUri
+from host.plain_text import plain
+from host.transports.serial_errors import translate_open_error
+from host.transports.slcan_bus import ChunkedSlcanBus
+from host.transports.socketcand_bus import WatchedSocketcandBus
+
+# Without a handler of their own, python-can's warnings would go to the terminal, into the middle of a display.
+logging.getLogger("can").addHandler(logging.NullHandler())
+
+DEFAULT_BITRATE = 500_000
+DEFAULT_DATA_BITRATE = 2_000_000
+UNTIMED = frozenset({"virtual", "udp_multicast", "socketcan", "socketcand"})
+"""Interfaces whose bit rate is set elsewhere."""
+CLASSIC_ONLY = frozenset({"socketcand"})
+SLCAN_ANSWER_S = 3.0
+"""How long an SLCAN adapter may take to say anything: boards that reset when their port is opened need 2 s."""
+OPEN_ERRORS: tuple[type[Exception], ...] = (
+    can.CanError,
+    OSError,
+    ValueError,
+    TypeError,
+    ImportError,
+    NotImplementedError,
+    AttributeError,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CanSettings:
+    """A ``can:`` link, taken apart."""
+
+    interface: str
+    """Name of the interface in python-can."""
+    channel: str
+    """What the interface calls the bus; for socketcand the bus name after the last ``/``."""
+    host: str = ""
+    """socketcand server."""
+    port: int = 0
+    """Its port."""
+    node: int | None = None
+    """Node id of the object; None takes the first that is heard."""
+    fd: bool = False
+    bitrate: int = DEFAULT_BITRATE
+    data_bitrate: int = DEFAULT_DATA_BITRATE
+    listen_only: bool = False
+    """Send nothing, not even acknowledge bits where the adapter can be told so."""
+    baud: int = 115_200
+    """Of the serial port of an SLCAN adapter on a UART; USB adapters ignore it."""
+
+
+def can_settings(uri: LinkUri) -> CanSettings:
+    """Take a ``can:INTERFACE:CHANNEL`` link apart.
+
+    Raises
+    ------
+    UsageError
+        No such interface, no channel, an option or number that cannot be.
+    """
+    uri.allow_options({"node", "bitrate", "fd", "data_bitrate", "listen_only", "baud"})
+    interface, _, channel = uri.target.partition(":")
+    if interface not in can.VALID_INTERFACES:
+        raise UsageError(
+            f"{interface or 'nothing'} in the link {uri} is no CAN interface of python-can",
+            "write it like can:socketcan:can0 or can:slcan:/dev/ttyACM0; `rotdrift ports` lists what is here",
+        )
+    if not channel:
+        raise UsageError(f"the link {uri} names no channel", "write it like can:socketcan:can0")
+    host, port = "", 0
+    if interface == "socketcand":
+        found = re.fullmatch(r"([^/:]+|\[[^\]]+\]):(\d{1,5})/(\S+)", channel)
+        if found is None:
+            raise UsageError(f"the link {uri} names no socketcand bus", "write it like can:socketcand:host:29536/can0")
+        host, port, channel = found[1].strip("[]"), int(found[2]), found[3]
+    fd = bool(uri.integer("fd", 0, 0, 1))
+    if fd and interface in CLASSIC_ONLY:
+        raise UsageError(f"{interface} carries no CAN FD frames", "leave fd=1 out, or use another interface")
+    return CanSettings(
+        interface,
+        channel,
+        host,
+        port,
+        uri.integer("node", 0, MIN_NODE, MAX_NODE) or None,
+        fd,
+        uri.integer("bitrate", DEFAULT_BITRATE, 10_000, 1_000_000),
+        uri.integer("data_bitrate", DEFAULT_DATA_BITRATE, 500_000, 8_000_000),
+        bool(uri.integer("listen_only", 0, 0, 1)),
+        uri.integer("baud", 115_200, 300, 12_000_000),
+    )
+
+
+def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries: int = 20) -> can.BusABC:
+    """Open the bus and set its filters.
+
+    Raises
+    ------
+    LinkError, UsageError
+        It does not open; says why and what to do.
+    """
+    options = _bus_options(settings)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # python-can's own deprecations are not the user's
+            bus: can.BusABC
+            if settings.interface == "slcan":
+                bus = ChunkedSlcanBus(channel=settings.channel, **options)
+            elif settings.interface == "socketcand":
+                bus = WatchedSocketcandBus(channel=settings.channel, **options)
+            else:
+                bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
+    except OPEN_ERRORS as error:
+        if settings.interface == "socketcand" and isinstance(error, can.CanError) and tries > 1:
+            time.sleep(0.05)  # a server for one client may not have noticed yet that the last one has gone
+            return open_bus(settings, name, existing_ports, tries - 1)
+        raise _open_error(error, settings, name, existing_ports) from error
+    if settings.interface == "slcan":
+        try:
+            _await_adapter(bus, settings)
+        except LinkError:
+            bus.shutdown()
+            raise
+    return bus
+
+
+def bus_filters(settings: CanSettings) -> list[dict[str, Any]] | None:
+    """Return the filters: our 11-bit ids, of one node where it is known; None where they would hide error frames."""
+    if settings.interface == "socketcand":
+        return None
+    if settings.node is None:
+        return [{"can_id": 0, "can_mask": 0, "extended": False}]
+    return [{"can_id": settings.node, "can_mask": NODE_MASK, "extended": False}]
+
+
+def _bus_options(settings: CanSettings) -> dict[str, Any]:
+    options: dict[str, Any] = {"can_filters": bus_filters(settings)}
+    if settings.interface == "socketcand":
+        return options | {"host": settings.host, "port": settings.port}
+    if settings.interface == "slcan":
+        options |= {"tty_baudrate": settings.baud, "sleep_after_open": 0.0, "listen_only": settings.listen_only}
+        if settings.fd:
+            # The CANable dialect knows bit rates only; the timing object is how python-can is told of them.
+            options["timing"] = can.BitTimingFd.from_sample_point(
+                80_000_000, settings.bitrate, 80.0, settings.data_bitrate, 80.0
+            )
+        else:
+            options["bitrate"] = settings.bitrate
+        return options
+    if settings.interface == "virtual":
+        options["protocol"] = can.CanProtocol.CAN_FD if settings.fd else can.CanProtocol.CAN_20
+        return options
+    if settings.interface not in UNTIMED:
+        options["bitrate"] = settings.bitrate
+        if settings.fd:
+            options["data_bitrate"] = settings.data_bitrate
+    if settings.fd:
+        options["fd"] = True
+    return options
+
+
+def _await_adapter(bus: Any, settings: CanSettings) -> None:  # noqa: ANN401 (slcanBus; its port is no part of BusABC)
+    """Wait until the adapter says anything: opening works also where nobody answers."""
+    port = bus.serialPortOrig
+    deadline = time.monotonic() + SLCAN_ANSWER_S
+    asked = 0.0
+    try:
+        while not port.in_waiting:
+            now = time.monotonic()
+            if now > deadline:
+                raise NoAnswerError(
+                    f"{settings.channel} opens, but no SLCAN adapter answers there",
+                    "check that it is the adapter's port and that its firmware speaks SLCAN (candlelight firmware is "
+                    "can:gs_usb or can:socketcan)",
+                )
+            if now - asked > 0.5:
+                asked = now
+                port.write(b"V\r")
+            time.sleep(0.005)
+    except (serial.SerialException, OSError) as error:
+        raise PortNotFoundError(f"{settings.channel} is gone ({plain(str(error), 100)})") from error
+
+
+def _open_error(error: Exception, settings: CanSettings, name: str, existing: list[str]) -> LinkError | UsageError:
+    cause = error.__cause__ if isinstance(error.__cause__, Exception) else error
+    number = getattr(cause, "errno", None) or getattr(error, "error_code", None)
+    text = plain(str(error), 160)
+    if settings.interface == "slcan":
+        if "bitrate" in text.lower():
+            return UsageError(
+                f"SLCAN adapters cannot do this ({text})", "give ?bitrate=500000 (FD: data_bitrate=2000000)"
+            )
+        return translate_open_error(cause, settings.channel, existing)
+    if isinstance(cause, ImportError) or isinstance(error, can.CanInterfaceNotImplementedError):
+        return LinkError(f"the driver for {settings.interface} is not installed ({text})", "see docs/can.md")
+    if settings.interface == "socketcand":
+        return PortNotFoundError(
+            f"no socketcand answers at {settings.host}:{settings.port} for bus {settings.channel} ({text})",
+            "start socketcand there, or correct host, port and bus",
+        )
+    if number in {errno.ENODEV, errno.ENXIO, errno.ENOENT} or "No such device" in text:
+        return PortNotFoundError(
+            f"there is no CAN interface {settings.channel}",
+            f"`ip link set {settings.channel} up type can bitrate {settings.bitrate}`, or see `rotdrift ports`",
+        )
+    if number in {errno.EPERM, errno.EACCES}:
+        return PortPermissionError(f"you may not open {name}", "see the udev notes in docs/can.md")
+    if number == errno.EBUSY:
+        return PortBusyError(f"{name} is in use by another program", "end that first")
+    return LinkError(f"{name} does not open ({text})", "check the adapter and its driver; see docs/can.md")

@@ -1,0 +1,83 @@
+"""What is noticed on a CAN bus beside frames of objects: errors, overruns, outages, a parser that stumbled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from firmware_protocol.can_frames import CanFrame
+
+# Classes and details of error frames, as Linux defines them (include/uapi/linux/can/error.h).
+_CONTROLLER = 0x004
+_NO_ACKNOWLEDGE = 0x020
+_BUS_OFF = 0x040
+_RESTARTED = 0x100
+_OVERRUN = 0x01 | 0x02
+_WARNING = 0x04 | 0x08
+_PASSIVE = 0x10 | 0x20
+_ACTIVE = 0x40
+
+
+@dataclass(slots=True)
+class BusHealth:
+    """Counters and state of one bus."""
+
+    state: str = "active"
+    """``active``, ``warning``, ``passive`` or ``bus-off``, as error frames tell; without them it stays active."""
+    error_frames: int = 0
+    overruns: int = 0
+    """Times the controller lost frames because nobody took them."""
+    unacknowledged: int = 0
+    """Frames sent that no other node acknowledged."""
+    bus_offs: int = 0
+    outages: int = 0
+    """Times the interface was down."""
+    is_down: bool = False
+    parser_errors: int = 0
+    """Lines from the adapter that python-can could not read."""
+    flushes: int = 0
+    """Of these, how often its input was thrown away to go on."""
+    reopens: int = 0
+    """How often the bus was opened anew to go on."""
+    filtered_frames: int = 0
+    """Data frames of others, left out because the link names a node."""
+    other_nodes: set[int] = field(default_factory=set)
+    """Node ids of other objects heard."""
+
+    def error_frame(self, frame: CanFrame, interface: str) -> None:
+        """Take an error frame; only SocketCAN says what the error was."""
+        self.error_frames += 1
+        if interface != "socketcan":
+            return
+        kind = frame.arbitration_id & 0x1FFFFFFF
+        detail = frame.data[1] if len(frame.data) > 1 else 0
+        if kind & _BUS_OFF:
+            self.state = "bus-off"
+            self.bus_offs += 1
+        elif kind & _RESTARTED:
+            self.state = "active"
+        if kind & _CONTROLLER:
+            self.overruns += bool(detail & _OVERRUN)
+            if detail & _PASSIVE:
+                self.state = "passive"
+            elif detail & _WARNING:
+                self.state = "warning"
+            elif detail & _ACTIVE:
+                self.state = "active"
+        self.unacknowledged += bool(kind & _NO_ACKNOWLEDGE)
+
+    def problems(self, name: str) -> tuple[str, ...]:
+        """Return what a person should know, a sentence each; no numbers, so that each is said once."""
+        found = []
+        if self.is_down:
+            found.append(f"{name} is down: bring it up with `ip link set … up`")
+        if self.state == "bus-off":
+            found.append(f"{name} is bus-off: check bit rate, wiring and termination, then restart the interface")
+        elif self.state == "passive":
+            found.append(f"{name} is error-passive: check bit rate, wiring and termination")
+        if self.unacknowledged:
+            found.append(f"nobody on {name} acknowledges frames: check wiring, termination and the object's power")
+        if self.overruns:
+            found.append(f"the CAN controller of {name} lost frames because this computer was too slow")
+        if self.parser_errors:
+            found.append(f"what came from {name} could not all be read: check the adapter's cable and baud rate")
+        return tuple(found)

@@ -1,0 +1,63 @@
+"""python-can's socketcand bus, noticing that the server is gone, or was never there.
+
+When the server closes the connection, the library's reading returns nothing at once, for ever, and ``recv`` spins on it
+until its time is over. Where no server is, its opening spins for 10 s and leaves the socket open.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from typing import Any
+
+import can
+from can.interfaces.socketcand import SocketCanDaemonBus
+
+EMPTY_READS = 20
+"""So many reads in a row that return nothing at once: the connection is gone."""
+CONNECT_S = 2.0
+
+
+class WatchedSocketcandBus(SocketCanDaemonBus):
+    """A bus served by socketcand.
+
+    Parameters
+    ----------
+    channel : str
+        Name of the bus at the server.
+    host, port
+        The server.
+    options
+        Those of ``can.BusABC``.
+
+    Raises
+    ------
+    OSError
+        No server is there.
+    can.CanError
+        It does not have the bus; reading raises it too when the server has gone.
+    """
+
+    _empty_reads = 0
+
+    def __init__(self, channel: str, host: str, port: int, **options: Any) -> None:  # noqa: ANN401
+        socket.create_connection((host, port), CONNECT_S).close()
+        try:
+            super().__init__(channel, host, port, **options)  # type: ignore[no-untyped-call]
+        except Exception:
+            left = self.__dict__.get("_SocketCanDaemonBus__socket")
+            if left is not None:
+                left.close()
+            raise
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        started = time.monotonic()
+        message, filtered = super()._recv_internal(timeout)  # type: ignore[no-untyped-call]
+        waits = timeout is None or timeout > 0.002
+        if message is not None or (waits and time.monotonic() - started > 0.001):
+            self._empty_reads = 0
+        elif waits:
+            self._empty_reads += 1
+            if self._empty_reads >= EMPTY_READS:
+                raise can.CanOperationError("the server closed the connection")
+        return message, filtered

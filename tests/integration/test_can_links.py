@@ -1,0 +1,232 @@
+"""The virtual object over every CAN link, through python-can: a conversation, samples, losses, trouble."""
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from firmware_protocol.can_frames import CanFrame, unpack_frames
+from firmware_protocol.packets import Info, Status, TimeReply
+from host.errors import LinkError, LinkLostError, NoAnswerError, PortNotFoundError, UsageError
+from host.session import Phase
+from host.transports import open_transport
+from tests.can_link_run import CAN_LINKS, LINKS, Got, finish, object_on, receive
+from tests.can_traffic import is_sample, joined
+
+
+def address_of(name: str, request: pytest.FixtureRequest) -> str:
+    return LINKS[name].format(name=request.node.name)
+
+
+@pytest.mark.parametrize("name", CAN_LINKS)
+def test_the_whole_conversation_works(name: str, request: pytest.FixtureRequest) -> None:
+    with object_on(address_of(name, request)) as (uri, _), open_transport(uri) as transport:
+        got = receive(
+            transport, lambda got: got.n_samples > 150 and bool(got.of(Status)) and bool(got.of(TimeReply)), 200
+        )
+        finish(transport, got)
+    info = got.of(Info)[0]
+    assert info.name
+    assert info.device_id
+    counters = got.link.counters
+    assert (counters.samples_lost, counters.malformed, counters.long_packet_errors) == (0, 0, 0)
+    assert np.array_equal(np.diff(joined(got.items).sequence), np.ones(got.n_samples - 1))
+    times = np.diff(joined(got.items).device_time_us.astype(np.int64))
+    assert set(times[-100:].tolist()) == {5000}
+    frames = [frame for chunk in got.chunks for frame in chunk.frames]
+    stamps = [frame.host_time_ns for frame in frames]
+    assert stamps == sorted(stamps)
+    assert min(stamps) > 0
+    assert all(frame.interface_time_s > 0 for frame in frames)
+    assert transport.interface_name
+
+
+@pytest.mark.parametrize(
+    ("name", "n"),
+    [
+        ("slcan-pty", 10_000),
+        ("socketcand", 10_000),
+        ("virtual", 10_000),
+        ("slcan-socket", 3000),
+        ("slcan-socket-fd", 3000),
+    ],
+)
+def test_thousands_of_samples_come_through_without_loss(name: str, n: int, request: pytest.FixtureRequest) -> None:
+    with object_on(address_of(name, request), "high-rate") as (uri, _), open_transport(uri) as transport:
+        got = receive(transport, lambda got: got.n_samples >= n, 1000)
+        finish(transport, got)
+    sequence = joined(got.items).sequence
+    assert got.n_samples >= n
+    assert np.array_equal(np.diff(sequence), np.ones(len(sequence) - 1))
+    counters = got.link.counters
+    assert (counters.samples_lost, counters.sequence_gaps, counters.wrong_lengths, counters.malformed) == (0, 0, 0, 0)
+    status = got.of(Status)[-1]
+    assert status.samples_dropped == 0
+
+
+def inject(link: Any, bad: bytes) -> threading.Event:
+    """Put bytes between two frames, from the thread that sends."""
+    done = threading.Event()
+
+    def tamper(frame: CanFrame) -> list[CanFrame]:
+        if not done.is_set():
+            link.inject(bad)
+            done.set()
+        return [frame]
+
+    link.frame_tamper = tamper
+    return done
+
+
+class Remover:
+    """Removes everything sent while given samples pass."""
+
+    def __init__(self, first: int, count: int) -> None:
+        self._range = range(first, first + count)
+        self._seen = 0
+        self.removed = 0
+        self.passed = threading.Event()
+
+    def __call__(self, frame: CanFrame) -> list[CanFrame]:
+        gone = self._seen in self._range
+        if is_sample(frame):
+            self._seen += 1
+            self.removed += gone
+            if self._seen > self._range.stop + 200:
+                self.passed.set()
+        return [] if gone else [frame]
+
+
+@pytest.mark.parametrize("name", ["slcan-pty", "virtual"])
+@pytest.mark.parametrize("count", [1, 255, 256, 3000])
+def test_removed_frames_are_counted_exactly(name: str, count: int, request: pytest.FixtureRequest) -> None:
+    with object_on(address_of(name, request), "high-rate") as (uri, link), open_transport(uri) as transport:
+        remover = Remover(500, count)
+        link.frame_tamper = remover
+        got = receive(transport, lambda _: remover.passed.is_set(), 1000)
+        finish(transport, got)
+    assert remover.removed == count
+    assert got.link.counters.samples_lost == count
+    assert got.link.counters.sequence_gaps == 1
+    assert got.link.counters.misnumbered == 0
+
+
+@pytest.mark.parametrize(
+    "bad", [b"t\xff123\r", b"tzzz\r", b"t12\r", b"\x07\x07", b"t1818zz\r", b"d1\r", b"x" * 600 + b"\r"]
+)
+@pytest.mark.parametrize("name", ["slcan-pty", "slcan-socket"])
+def test_bad_bytes_from_an_adapter_are_counted_and_survived(
+    name: str, bad: bytes, request: pytest.FixtureRequest
+) -> None:
+    with object_on(address_of(name, request)) as (uri, link), open_transport(uri) as transport:
+        got = receive(transport, lambda got: got.n_samples > 20, 200)
+        injected = inject(link, bad)
+        receive(transport, lambda _: injected.is_set(), got=got)
+        seen = got.n_samples
+        receive(transport, lambda got: got.n_samples > seen + 100, got=got)
+        finish(transport, got)
+    assert got.link.counters.samples_lost <= 1
+    if bad != b"\x07\x07":
+        assert transport.health.parser_errors + got.link.counters.foreign_frames >= 1
+
+
+@pytest.mark.parametrize("bad", [b"< frame 181 zz 00 >", b"< frame \xff >", b"> <", b"< nonsense >", b"<" * 300])
+def test_bad_words_from_socketcand_are_counted_and_survived(bad: bytes, request: pytest.FixtureRequest) -> None:
+    with object_on(address_of("socketcand", request)) as (uri, link), open_transport(uri) as transport:
+        got = receive(transport, lambda got: got.n_samples > 20, 200)
+        injected = inject(link, bad)
+        receive(transport, lambda _: injected.is_set(), got=got)
+        seen = got.n_samples
+        receive(transport, lambda got: got.n_samples > seen + 60, got=got)
+        finish(transport, got)
+    assert got.session.phase is Phase.STOPPED
+    if b"zz" in bad or b"\xff" in bad:
+        assert transport.health.reopens >= 1
+
+
+def test_a_socketcand_server_that_goes_away_is_told() -> None:
+    with object_on("can:socketcand:0") as (uri, link), open_transport(uri) as transport:
+        got = receive(transport, lambda got: got.n_samples > 20)
+        link.close()
+        with pytest.raises(LinkLostError, match="gone"):
+            receive(transport, lambda _: False, got=got)
+
+
+def test_an_adapter_that_is_pulled_is_told() -> None:
+    with object_on("can:slcan:pty") as (uri, link), open_transport(uri) as transport:
+        got = receive(transport, lambda got: got.n_samples > 20)
+        link.close()
+        with pytest.raises(LinkLostError, match="gone"):
+            receive(transport, lambda _: False, got=got)
+
+
+def test_a_silent_adapter_is_told_though_it_opens(monkeypatch: pytest.MonkeyPatch) -> None:
+    import os
+    import tty
+
+    monkeypatch.setattr("host.transports.can_bus_drivers.SLCAN_ANSWER_S", 0.2)
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    try:
+        with pytest.raises(NoAnswerError, match="no SLCAN adapter answers"):
+            open_transport(f"can:slcan:{os.ttyname(slave)}")
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_two_objects_on_a_bus_are_a_question_unless_the_link_names_one(request: pytest.FixtureRequest) -> None:
+    bus = f"can:virtual:{request.node.name}"
+    with object_on(f"{bus}?node=4") as (uri, _), object_on(f"{bus}?node=9") as (other_uri, _):
+        with open_transport(bus) as transport, pytest.raises(UsageError, match=r"several objects .*4, 9"):
+            receive(transport, lambda _: False)
+        for link, node in ((uri, 4), (other_uri, 9)):
+            with open_transport(link) as transport:
+                got = receive(transport, lambda got: got.n_samples > 50)
+                finish(transport, got)
+                assert transport.node == node
+                assert got.link.counters.samples_lost == 0
+
+
+def test_a_link_without_node_finds_the_object(request: pytest.FixtureRequest) -> None:
+    bus = f"can:virtual:{request.node.name}"
+    with object_on(f"{bus}?node=17"), open_transport(bus) as transport:
+        got = receive(transport, lambda got: got.n_samples > 20)
+        finish(transport, got)
+        assert transport.node == 17
+
+
+def test_the_raw_chunks_decode_to_the_same_again(request: pytest.FixtureRequest) -> None:
+    with object_on(address_of("slcan-pty", request)) as (uri, _), open_transport(uri) as transport:
+        got = receive(transport, lambda got: got.n_samples > 200, 1000)
+        finish(transport, got)
+    again = Got()
+    for chunk in got.chunks:
+        again.items += again.link.feed(chunk)
+    first, second = joined(got.items), joined(again.items)
+    assert np.array_equal(first.quats_wxyz, second.quats_wxyz)
+    assert np.array_equal(first.device_time_us, second.device_time_us)
+    assert len(unpack_frames(b"".join(chunk.data for chunk in got.chunks))) == got.link.counters.frames
+
+
+@pytest.mark.parametrize(
+    ("uri", "kind", "words"),
+    [
+        ("can:nothing:x", UsageError, "no CAN interface"),
+        ("can:slcan:", UsageError, "not a link|no channel"),
+        ("can:virtual:x?node=0", UsageError, "node=0"),
+        ("can:virtual:x?node=32", UsageError, "node=32"),
+        ("can:virtual:x?speed=1", UsageError, "option speed"),
+        ("can:slcan:/dev/nothing-here", PortNotFoundError, "no port /dev/nothing-here"),
+        ("can:slcan:socket://127.0.0.1:1", PortNotFoundError, "nothing answers"),
+        ("can:socketcand:127.0.0.1", UsageError, "no socketcand bus"),
+        ("can:socketcand:127.0.0.1:29536/can0?fd=1", UsageError, "no CAN FD"),
+        ("can:slcan:/dev/null?bitrate=123456", (UsageError, LinkError), "/dev/null|bitrate"),
+        ("can:pcan:PCAN_USBBUS1", LinkError, "not installed|does not open"),
+    ],
+)
+def test_wrong_links_are_one_sentence(uri: str, kind: type[Exception], words: str) -> None:
+    with pytest.raises(kind, match=words) as failure:
+        open_transport(uri)
+    assert "\n" not in str(failure.value)
