@@ -176,13 +176,14 @@ def test_a_gap_forgets_what_it_makes_stale():
     assert estimate.skew_ppm == pytest.approx(100.0, abs=1.0)
 
 
-def test_a_new_segment_keeps_the_skew_only():
+@pytest.mark.parametrize("skew_ppm", [-150.0, 150.0])
+def test_a_new_segment_keeps_the_skew_only(skew_ppm: float):
     estimator = ClockEstimator()
-    run(estimator, Device(), 0.0, 60.0)
+    run(estimator, Device(skew_ppm), 0.0, 60.0)
     assert estimator.new_segment() == 1
     assert estimator.estimate() is None
     assert estimator.line is None
-    rebooted = Device(jumped_us=-60 * S)
+    rebooted = Device(skew_ppm, jumped_us=-60 * S)
     _, errors = run(estimator, rebooted, 60.0, 64.0)
     assert abs(errors).max() < 5.0
     assert (estimator.estimate().n, estimator.estimate().warm) == (400, False)

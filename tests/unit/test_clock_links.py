@@ -6,8 +6,9 @@ Shorter than ``python -m benchmarks.clock_jitter``, which runs two hours of each
 import numpy as np
 import pytest
 
-from benchmarks.clock_jitter import GOALS_MS, causal, error_ms, regression
+from benchmarks.clock_jitter import GOALS_MS, causal, chunk_bounds, error_ms, regression
 from benchmarks.clock_links import LINKS, device_samples
+from host.clock import ClockEstimator
 from host.clock_remap import remap
 
 DURATION_S = 900.0
@@ -25,6 +26,28 @@ def test_jitter_goals(name: str, busy: bool):
     offline = remap(link.device_us % 2**32, link.arrival_ns)
     assert len(offline.segments) == 1
     assert np.percentile(error_ms(link, offline.host_time_ns), 99) <= 0.5 * GOALS_MS[name]
+
+
+@pytest.mark.parametrize("name", ["usb", "ftdi"])
+def test_the_offset_interval_holds_the_truth_from_the_start(name: str):
+    rng = np.random.default_rng(4)
+    link = LINKS[name](rng, 180.0, True)
+    estimator = ClockEstimator()
+    _, last = chunk_bounds(link)
+    next_s = 0.0
+    for k in last.tolist():
+        device_us, true_ns = int(link.device_us[k]), 1e9 * float(link.true_s[k])
+        estimator.feed(device_us, int(link.arrival_ns[k]))
+        if link.true_s[k] < next_s:
+            continue
+        estimate = estimator.estimate()
+        assert estimate.offset_high_ns >= true_ns - 1000 * device_us
+        if next_s > 0.0:
+            assert estimate.offset_low_ns <= true_ns - 1000 * device_us
+            assert estimate.consistent
+        next_s += 4.9
+        sent, received = true_ns - 1e6 * rng.exponential(1.0), true_ns + 1e6 * rng.exponential(1.0)
+        assert estimator.feed_round_trip(int(sent), device_us, device_us, int(received) + 1) is None
 
 
 def test_regression_is_worse_under_load():

@@ -90,6 +90,21 @@ def test_a_short_segment_borrows_the_skew():
     assert np.abs(result.host_time_ns - true_ns).max() < 3_000
 
 
+def test_a_short_segment_tells_no_skew_of_its_own():
+    rng = np.random.default_rng(2)
+    long = recording(0.0, 60.0, delay_s=rng.uniform(0, 2e-3, 6000))
+    short = recording(60.0, 63.0, origin_us=900_000_000, delay_s=rng.uniform(0, 2e-3, 300))
+    result = remap(*joined(long, short)[:2])
+    assert result.segments[1].skew_ppm == pytest.approx(result.segments[0].skew_ppm, abs=1.0)
+
+
+def test_samples_before_the_first_good_arrival_lie_on_the_line_too():
+    delay = np.zeros(6000)
+    delay[:90] = np.linspace(0.8, 0.0, 90)  # a backlog that drains
+    ticks, arrival, true_ns = recording(skew_ppm=400.0, delay_s=delay)
+    assert np.abs(remap(ticks, arrival).host_time_ns - true_ns).max() < 10_000
+
+
 def test_a_gap_of_an_hour_is_bridged():
     ticks, arrival, true_ns = joined(recording(0.0, 60.0), recording(3660.0, 3720.0))
     result = remap(ticks, arrival)

@@ -139,6 +139,14 @@ def test_slow_device_for_days_is_not_taken_for_lateness():
     assert unwrapper.take_steps() == []
 
 
+def test_a_slow_device_does_not_loosen_the_bound():
+    unwrapper = ClockUnwrapper()
+    for i in range(1440):  # two hours, a chunk every 5 s
+        feed_at(unwrapper, [round(5e6 * i * (1 - 200e-6))], 5.0 * i)
+    feed_at(unwrapper, [round(7200e6 * (1 - 200e-6)) + 1_100_000], 7200.0)
+    assert len(unwrapper.take_steps()) == 1
+
+
 def test_locate_changes_nothing():
     unwrapper = ClockUnwrapper()
     assert unwrapper.locate(5, START_NS) is None
