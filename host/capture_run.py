@@ -81,7 +81,6 @@ def run_capture(
     result_path = recording_path.with_suffix(".json")
     if result_path.exists():
         raise FileError(f"{result_path} exists already", "give another name with --out, or move it away")
-    _load_slow_modules()
     transport = open_transport(link)
     try:
         wall_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
@@ -91,6 +90,7 @@ def run_capture(
         transport.close()
         raise
     trial = Trial("rotdrift capture", settings.cycles, settings.duration_s, transport.node)
+    threading.Thread(target=_load_slow_modules, name="rotdrift-imports", daemon=True).start()
     screen.start()
     try:
         outcome = Capture(transport, writer, trial, screen, settings, stop).run()
@@ -124,7 +124,7 @@ def _finish(
 
 
 def _load_slow_modules() -> None:
-    """Import what would otherwise be imported in the middle of a capture, and stall it for a second."""
+    """Import beside the capture what would otherwise be imported in the middle of it, and stall it for a second."""
     for name in ("scipy.ndimage", "scipy.stats"):
         importlib.import_module(name)
 

@@ -176,6 +176,8 @@ def _link_line(state: TrialState) -> Text:
         line.append(" · DISCONNECTED", style=BAD)
     elif link.silent_s > 1.0:
         line.append(f" · silent for {link.silent_s:.0f} s", style=BAD)
+    if link.segments > 1:
+        line.append(f" · {link.segments - 1} resets", style=DOUBTFUL)
     if link.one_way:
         line.append(" · does not answer", style=DOUBTFUL)
     if link.skew_ppm is not None:
@@ -192,14 +194,11 @@ def _loss_line(state: TrialState) -> Text:
         line = Text(f"none of {losses.produced}", style=GOOD)
     else:
         line = Text(
-            f"{losses.lost} lost · {losses.rejected} damaged · {losses.dropped} dropped by the object"
-            f" · {100 * losses.share:.2f} %",
+            f"{losses.lost} lost · {losses.rejected} damaged · {losses.dropped} dropped · {100 * losses.share:.2f} %",
             style=BAD if losses.share > 0.01 else DOUBTFUL,
         )
     if link.overflow_chunks:
         line.append(f" · {link.overflow_chunks} chunks not taken in time", style=BAD)
-    if link.segments > 1:
-        line.append(f" · {link.segments - 1} resets", style=DOUBTFUL)
     return line
 
 

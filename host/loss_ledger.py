@@ -149,12 +149,15 @@ class LossLedger:
         account = self._account
         if account.first is None:
             self._open(int(numbers[0]))
+        n = len(numbers)
+        last = int(numbers[-1])
+        if last - account.last == n and (n == 1 or (numbers[1:] > numbers[:-1]).all()) and numbers[0] > account.last:
+            account.received += n
+            account.last = last
+            account.known_end = max(account.known_end, last + 1)
+            return np.ones(n, dtype=np.bool_)
         step = np.diff(numbers, prepend=account.last)
-        if (step == 1).all():
-            account.received += len(numbers)
-            account.last = int(numbers[-1])
-            keep = np.ones(len(numbers), dtype=np.bool_)
-        elif (step > 0).all():
+        if (step > 0).all():
             for index in np.flatnonzero(step > 1).tolist():
                 missing = int(step[index]) - 1
                 account.gaps.append(Gap(int(numbers[index]) - missing, missing))

@@ -53,7 +53,8 @@ def _trust(score: TrialScore) -> Table:
     grid.add_column(overflow="fold")
     for name, value in _facts(score):
         grid.add_row(Text(name), Text(value))
-    for warning in score.warnings:
+    shown = {"" if score.sensor is None else score.sensor.note}
+    for warning in (warning for warning in score.warnings if warning not in shown):
         grid.add_row(Text("note", style="yellow"), Text(plain(warning, 400)))
     return grid
 

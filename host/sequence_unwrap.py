@@ -63,6 +63,9 @@ class SequenceUnwrapper:
         (n,) int64
             Unwrapped numbers. The first ever is kept as it is, or read nearest to the ``start`` given.
         """
+        run = self._undisturbed_run(sequence, device_time_us)
+        if run is not None:
+            return run
         numbers = sequence.astype(np.int64)
         if self._last is None:
             self._last, self._last_us = int(numbers[0]) - 1, -1
@@ -80,6 +83,24 @@ class SequenceUnwrapper:
         if unwrapped[newest] >= self._last or self._last_us < 0:
             self._last, self._last_us = int(unwrapped[newest]), int(device_time_us[newest])
         return unwrapped
+
+    def _undisturbed_run(self, sequence: npt.NDArray[np.uint16], device_time_us: IntArray) -> IntArray | None:
+        """Count on where every sample follows the one before, as nearly always, without the cost of arrays."""
+        if self._last is None or self._period_us is None or self._last_us < 0:
+            return None
+        n = len(sequence)
+        elapsed_us = int(device_time_us[-1]) - self._last_us
+        if not 0 < elapsed_us < HALF // 2 * self._period_us:
+            return None
+        wanted = self._last + 1
+        for number in sequence.tolist():
+            if number != wanted % SEQUENCE_MODULUS:
+                return None
+            wanted += 1
+        run = np.arange(self._last + 1, wanted, dtype=np.int64)
+        self._last, self._last_us = wanted - 1, int(device_time_us[-1])
+        self._period_us += (elapsed_us / n - self._period_us) / MAX_PERIOD_SAMPLES
+        return run
 
     def _measure(self, unwrapped: IntArray, device_time_us: IntArray) -> None:
         """Learn the sample period: the median of what lies between undisturbed neighbours."""

@@ -1,0 +1,236 @@
+"""The capture loop with a virtual object behind a link in memory: no process, no driver, no waiting for the wall clock.
+
+The object runs on the host's own clock, so its half-second cycles take half a second each; everything else is at once.
+"""
+
+import json
+import threading
+import time
+from datetime import datetime
+
+import pytest
+
+from emulator.links.memory_link import MemoryLink
+from emulator.virtual_object import VirtualObject
+from host import capture_run
+from host.capture import Capture, CaptureSettings
+from host.errors import FileError, LinkError, LinkLostError, NoAnswerError, WrongObjectError
+from host.recorded_trial import load_trial
+from host.recording import RecordingWriter
+from host.recording_reader import RecordingReader
+from host.screen import QuietScreen
+from host.session import SessionSettings
+from host.transports.chunks import Chunk
+from host.transports.memory import MemoryTransport
+from host.trial import Trial
+from tests.recorded_trials import scenario, virtual_chunks
+
+QUICK = {"motion": {"cycles": 60, "period_s": 0.5, "swing_deg": 20.0, "lead_in_s": 0.1}}
+
+
+class Bench:
+    """A capture, its screen, and a virtual object that a thread of the test drives in real time."""
+
+    def __init__(self, tmp_path, settings, chosen=None, link=None):
+        self.link = link or MemoryTransport(on_write=self._heard)
+        self.screen = QuietScreen()
+        self.stop = threading.Event()
+        self.path = tmp_path / "trial.mcap"
+        self.writer = RecordingWriter(self.path, self.link.name, time.time_ns(), time.monotonic_ns())
+        self.trial = Trial()
+        self.capture = Capture(self.link, self.writer, self.trial, self.screen, settings, self.stop)
+        self._wire = MemoryLink()
+        self._virtual = VirtualObject(chosen) if chosen is not None else None
+        self._done = threading.Event()
+        self._lock = threading.Lock()
+
+    def _heard(self, data):
+        with self._lock:
+            self._wire.put_bytes(data)
+
+    def run(self):
+        thread = threading.Thread(target=self._drive, daemon=True)
+        if self._virtual is not None:
+            thread.start()
+        try:
+            return self.capture.run()
+        finally:
+            self._done.set()
+            if self._virtual is not None:
+                thread.join(5)
+
+    def _drive(self):
+        self._wire.open()
+        started = time.monotonic()
+        while not self._done.wait(0.005):
+            now_s = time.monotonic() - started
+            with self._lock:
+                for command in self._wire.receive():
+                    self._virtual.receive(command, now_s)
+            self._virtual.step(now_s, self._wire.send)
+            data = self._wire.take()
+            if data:
+                self.link.deliver(data)
+
+
+def leftover_threads():
+    return [thread.name for thread in threading.enumerate() if thread.name.startswith("rotdrift")]
+
+
+def test_a_capture_ends_after_its_cycles_and_leaves_nothing_behind(tmp_path):
+    bench = Bench(tmp_path, CaptureSettings(cycles=3), scenario("ideal", **QUICK))
+    outcome = bench.run()
+    assert outcome.reason == "3 cycles are done"
+    assert outcome.error is None
+    assert outcome.warnings == ()
+    assert bench.trial.n_endpoints == 4
+    assert bench.link.closed
+    assert leftover_threads() == []
+    trial = load_trial(bench.path)
+    assert trial.damage == ()
+    assert len(trial.series) == trial.losses.received == trial.losses.produced
+    sent = b"".join(chunk.data for chunk in RecordingReader(bench.path).chunks("/raw/sent"))
+    assert sent == b"".join(bench.link.written)
+    endpoints = [message.json() for message in RecordingReader(bench.path).messages(["/trial/endpoint"])]
+    assert [endpoint["number"] for endpoint in endpoints] == [0, 1, 2, 3]
+
+
+def test_a_duration_ends_it_too(tmp_path):
+    bench = Bench(tmp_path, CaptureSettings(duration_s=0.4), scenario("ideal", **QUICK))
+    outcome = bench.run()
+    assert outcome.reason == "0.4 s are over"
+    assert 0.35 <= outcome.elapsed_s <= 1.0
+
+
+def test_a_motion_of_just_so_many_end_points_ends_with_the_pause_after_it(tmp_path):
+    motion = {**QUICK["motion"], "cycles": 3, "lead_out_s": 0.1}
+    outcome = Bench(tmp_path, CaptureSettings(cycles=3), scenario("ideal", motion=motion)).run()
+    assert outcome.reason == "the hand rests"
+
+
+def test_the_operator_ends_it_within_half_a_second(tmp_path):
+    bench = Bench(tmp_path, CaptureSettings(), scenario("ideal", **QUICK))
+    asked = []
+
+    def ask():
+        asked.append(time.monotonic())
+        bench.stop.set()
+
+    timer = threading.Timer(0.5, ask)
+    timer.start()
+    outcome = bench.run()
+    assert time.monotonic() - asked[0] < 0.5
+    assert outcome.reason == "stopped by the operator"
+    timer.join()
+
+
+def test_a_lost_link_keeps_what_came(tmp_path):
+    link = MemoryTransport()
+    chunks, _ = virtual_chunks(scenario("ideal"), duration_s=1.0)
+    now_ns = time.monotonic_ns()
+    for chunk in chunks:
+        link.deliver(Chunk(chunk.data, now_ns + chunk.host_time_ns - chunks[0].host_time_ns))
+    link.fail(LinkLostError("memory: is gone"))
+    outcome = Bench(tmp_path, CaptureSettings(), link=link).run()
+    assert outcome.reason == "the link was lost"
+    assert str(outcome.error) == "memory: is gone"
+    assert outcome.n_chunks == len(chunks)
+    assert len(load_trial(tmp_path / "trial.mcap").series) == pytest.approx(100, abs=2)
+
+
+def test_an_object_that_falls_silent_ends_it_with_a_reason(tmp_path):
+    link = MemoryTransport()
+    chunks, _ = virtual_chunks(scenario("ideal"), duration_s=0.5)
+    now_ns = time.monotonic_ns()
+    for chunk in chunks:
+        link.deliver(Chunk(chunk.data, now_ns + chunk.host_time_ns - chunks[-1].host_time_ns))
+    settings = CaptureSettings(silence_limit_s=0.3, session=SessionSettings(answer_s=10.0))
+    outcome = Bench(tmp_path, settings, link=link).run()
+    assert outcome.reason == "the object fell silent"
+    assert isinstance(outcome.error, LinkError)
+
+
+def test_nobody_there_is_no_answer(tmp_path):
+    outcome = Bench(tmp_path, CaptureSettings(session=SessionSettings(handshake_s=0.3))).run()
+    assert isinstance(outcome.error, NoAnswerError)
+    assert outcome.n_chunks == 0
+
+
+def test_another_protocol_version_is_refused(tmp_path):
+    outcome = Bench(tmp_path, CaptureSettings(), scenario("future-protocol")).run()
+    assert isinstance(outcome.error, WrongObjectError)
+    assert "protocol version" in str(outcome.error)
+
+
+def test_a_full_disk_is_told_and_loses_nothing(tmp_path, monkeypatch):
+    import os
+
+    bench = Bench(tmp_path, CaptureSettings(duration_s=0.6), scenario("ideal", **QUICK))
+
+    def full(descriptor, data):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "write", full)
+    outcome = bench.run()
+    monkeypatch.undo()
+    assert any("the disk is full" in warning for warning in outcome.warnings)
+    assert any("the disk is full" in said for said in bench.screen.said)
+    trial = load_trial(bench.path, outcome.unwritten)
+    assert trial.losses.missing == 0
+    assert len(trial.series) > 40
+
+
+# ---- the whole of it, with files ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def replayed(tmp_path):
+    """A link that a recording stands behind."""
+    chunks, _ = virtual_chunks(scenario("ideal", motion={"cycles": 5}))
+    writer = RecordingWriter(tmp_path / "first.mcap", "serial:x", 0, chunks[0].host_time_ns)
+    for chunk in chunks:
+        writer.add_received(chunk)
+    writer.close()
+    return f"replay:{tmp_path / 'first.mcap'}"
+
+
+def test_a_recording_can_be_captured_again_and_scores_the_same(tmp_path, replayed):
+    again = tmp_path / "again.mcap"
+    finished = capture_run.run_capture(replayed, again, CaptureSettings(), QuietScreen(), threading.Event())
+    assert finished.outcome.reason == "the recording is over"
+    assert list(RecordingReader(again).chunks()) == list(RecordingReader(tmp_path / "first.mcap").chunks())
+    written = json.loads(finished.result.read_text())
+    assert written["theta_bar_deg"] == finished.score.theta_bar_deg == pytest.approx(0.8, abs=0.01)
+    assert written["capture"]["recording"] == str(again)
+
+
+def test_neither_recording_nor_result_is_ever_written_over(tmp_path, replayed):
+    (tmp_path / "taken.json").write_text("mine")
+    (tmp_path / "other.mcap").write_text("mine")
+    for name in ("taken.mcap", "other.mcap"):
+        with pytest.raises(FileError, match="exists already"):
+            capture_run.run_capture(replayed, tmp_path / name, CaptureSettings(), QuietScreen(), threading.Event())
+    assert (tmp_path / "taken.json").read_text() == (tmp_path / "other.mcap").read_text() == "mine"
+    assert not (tmp_path / "taken.mcap").exists()
+
+
+def test_a_capture_without_a_sample_leaves_no_file(tmp_path):
+    writer = RecordingWriter(tmp_path / "empty.mcap", "serial:x", 0, 0)
+    writer.close()
+    out = tmp_path / "out.mcap"
+    with pytest.raises(LinkError, match="before the first sample"):
+        capture_run.run_capture(
+            f"replay:{tmp_path / 'empty.mcap'}", out, CaptureSettings(), QuietScreen(), threading.Event()
+        )
+    assert not out.exists()
+
+
+def test_names_made_up_from_the_date_do_not_collide(tmp_path):
+    now = datetime(2026, 3, 4, 5, 6, 7)
+    first = capture_run.default_recording(now, tmp_path)
+    assert first.name == "2026-03-04_05-06-07.mcap"
+    first.touch()
+    second = capture_run.default_recording(now, tmp_path)
+    assert second.name == "2026-03-04_05-06-07_2.mcap"
+    second.with_suffix(".json").touch()
+    assert capture_run.default_recording(now, tmp_path).name == "2026-03-04_05-06-07_3.mcap"

@@ -1,0 +1,200 @@
+"""The command itself: light to start, one sentence for every failure, exit codes as agreed."""
+
+import argparse
+import json
+import subprocess
+import sys
+
+import pytest
+
+from host import cli
+from host.commands import COMMANDS
+from host.errors import FileError, LinkError, UsageError
+from tests.command_line import environment, one_sentence, quick_scenario, rotdrift
+
+HEAVY = {"numpy", "scipy", "matplotlib", "can", "serial", "rich", "mcap", "construct", "plotly", "jinja2", "msgspec"}
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys, rotdrift; rotdrift.main(['--help']); print(sorted(sys.modules), file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
+    loaded = {name.strip("[]' ").split(".")[0] for name in done.stderr.split(",")}
+    assert loaded & HEAVY == set()
+    assert all(name in done.stdout for name in COMMANDS)
+
+
+def test_every_command_has_its_help(capsys):
+    for name in COMMANDS:
+        assert cli.main([name, "--help"]) == 0
+        assert "usage: rotdrift" in capsys.readouterr().out
+    assert cli.main(["--version"]) == 0
+
+
+@pytest.fixture
+def run(capsys, monkeypatch, tmp_path):
+    """Run the command in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def run_here(*arguments):
+        code = cli.main([str(argument) for argument in arguments])
+        output = capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, code, output.out, output.err)
+
+    return run_here
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["nonsense"],
+        ["capture"],
+        ["capture", "/dev/null", "--cycles", "0"],
+        ["capture", "/dev/null", "--cycles", "many"],
+        ["capture", "/dev/null", "--duration", "-1"],
+        ["replay", "x.mcap", "--speed", "-1"],
+        ["score", "--frob"],
+    ],
+)
+def test_wrong_arguments_are_one_sentence(run, arguments):
+    told = one_sentence(run(*arguments), 2)
+    assert "--help" in told
+
+
+class Failing:
+    def __init__(self, error):
+        self._error = error
+
+    def add_parser(self, subparsers: argparse._SubParsersAction):
+        subparsers.add_parser("score")
+
+    def run(self, _args):
+        raise self._error
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "told"),
+    [
+        (UsageError("that cannot be", "do this"), 2, "rotdrift: that cannot be: do this\n"),
+        (LinkError("it is gone"), 3, "rotdrift: it is gone\n"),
+        (FileError("no file\n\nhere", "look"), 4, "rotdrift: no file here: look\n"),
+        (KeyboardInterrupt(), 130, "rotdrift: interrupted\n"),
+    ],
+)
+def test_errors_become_a_sentence_and_a_code(monkeypatch, capsys, error, code, told):
+    monkeypatch.setattr(cli, "COMMANDS", ("score",))
+    monkeypatch.setattr(cli, "_command", lambda _: Failing(error))
+    assert cli.main(["score"]) == code
+    assert capsys.readouterr().err == told
+
+
+def test_a_fault_of_our_own_is_admitted_and_debug_shows_it(monkeypatch, capsys):
+    monkeypatch.setattr(cli, "COMMANDS", ("score",))
+    monkeypatch.setattr(cli, "_command", lambda _: Failing(ZeroDivisionError("x")))
+    assert cli.main(["score"]) == 70
+    assert "Traceback" not in capsys.readouterr().err
+    for arguments in (["--debug", "score"], ["score", "--debug"]):
+        assert cli.main(arguments) == 70
+        assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_reader_that_goes_away_is_no_failure(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "rotdrift", "emulate", "--list"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=environment(),
+    )
+    process.stdout.close()
+    with process.stderr:
+        told = process.stderr.read()
+    assert process.wait(20) == 0
+    assert told == b""
+
+
+def test_an_output_that_knows_no_greek_is_no_failure(tmp_path):
+    csv = tmp_path / "still.csv"
+    csv.write_text("t,qw,qx,qy,qz\n" + "".join(f"{i / 100},1,0,0,0\n" for i in range(500)))
+    done = rotdrift("score", csv, PYTHONUTF8="0", PYTHONIOENCODING="ascii")
+    assert done.returncode == 1, done.stderr
+    assert "no score" in done.stdout
+
+
+# ---- bad input, one by one -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (["capture", "/dev/ttyNOPE"], 3, "there is no port /dev/ttyNOPE"),
+        (["capture", "bluetooth:x"], 2, "no kind of link called 'bluetooth'"),
+        (["capture", "/dev/null", "--rate", "5000"], 2, "10 to 1000 Hz"),
+        (["capture", "socket://127.0.0.1:1"], 3, "nothing answers at socket://127.0.0.1:1"),
+        (["replay", "nothing.mcap"], 4, "there is no file nothing.mcap"),
+        (["score", "nothing.csv"], 4, "there is no file nothing.csv"),
+        (["score", "."], 4, "folder"),
+        (["emulate", "--scenario", "nonsense", "--link", "tcp:0"], 2, "choose one of"),
+        (["emulate"], 2, "--link"),
+        (["emulate", "--link", "smoke:signals"], 2, "no link 'smoke:signals'"),
+        (["emulate", "--link", "tcp:0", "--duration", "0"], 2, "duration"),
+        (["demo", "--cycles", "1"], 2, "1 cycles make no demonstration"),
+    ],
+)
+def test_bad_input_gets_one_sentence_and_the_code(run, tmp_path, arguments, code, told):
+    assert told in one_sentence(run(*arguments), code)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("empty.mcap", b"", "is empty"),
+        ("text.mcap", b"this is not a recording at all\n", "not a file known here"),
+        ("empty.csv", b"", "is empty"),
+        ("words.csv", b"t,qw,qx,qy,qz\n0,1,0,0,0\n0.01,one,0,0,0\n", "line 3"),
+        ("nan.csv", b"t,qw,qx,qy,qz\n0,1,0,0,0\n0.01,nan,0,0,0\n", "line 3"),
+        ("norm.csv", b"t,qw,qx,qy,qz\n0,1,0,0,0\n0.01,3,0,0,0\n", "norm"),
+    ],
+)
+def test_files_that_cannot_be_scored_are_said(run, tmp_path, name, content, told):
+    (tmp_path / name).write_bytes(content)
+    assert told in one_sentence(run("score", name), 4)
+
+
+def test_a_file_that_is_no_recording_is_not_replayed(run, tmp_path):
+    (tmp_path / "text.mcap").write_text("hello")
+    assert "is not a recording" in one_sentence(run("replay", "text.mcap"), 4)
+
+
+def test_a_still_object_is_not_valid_and_says_so_in_json_too(run, tmp_path):
+    csv = tmp_path / "still.csv"
+    csv.write_text("t,qw,qx,qy,qz\n" + "".join(f"{i / 100},1,0,0,0\n" for i in range(500)))
+    done = run("score", csv, "--json")
+    assert done.returncode == 1
+    result = json.loads(done.stdout)
+    assert result["theta_bar_deg"] is None
+    assert result["valid"] is False
+    assert result["reasons"]
+    assert {"axis", "n_endpoints", "endpoints", "steps_deg", "period_s", "warnings", "losses"} <= set(result)
+
+
+def test_a_byte_file_in_virtual_time_takes_seconds(run, tmp_path):
+    scenario = quick_scenario(tmp_path, cycles=100)
+    done = run("emulate", "--scenario", scenario, "--link", "file:bytes.bin", "--truth", "t.json")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "bytes.bin").stat().st_size > 100_000
+    assert json.loads((tmp_path / "t.json").read_text())["complete"]
+    again = run("emulate", "--scenario", scenario, "--link", "file:bytes.bin")
+    assert "exists" in one_sentence(again, 3)
+
+
+def test_the_list_of_scenarios_has_a_line_each(run):
+    done = run("emulate", "--list")
+    assert done.returncode == 0
+    assert "default" in done.stdout
+    assert all(len(line.split()) > 3 for line in done.stdout.strip().splitlines())
+
+
+def test_ports_is_never_an_error(run):
+    assert run("ports").returncode == 0
+    assert isinstance(json.loads(run("ports", "--json").stdout), list)

@@ -1,0 +1,151 @@
+"""The screen: fits, reads without colour, shows hostile names as text."""
+
+import io
+
+import pytest
+from rich.cells import cell_len
+from rich.console import Console
+
+from host.big_digits import big_text
+from host.dashboard import render
+from host.loss_ledger import LossReport
+from host.screen import LineScreen, LiveScreen, QuietScreen, open_screen
+from host.trial_state import CycleRow, LinkView, MotionView, RecordingView, SensorView, TrialState
+
+
+def drawn(state, width=80, height=24, **options):
+    console = Console(file=io.StringIO(), width=width, height=height, force_terminal=True, **options)
+    console.print(render(state), height=height)
+    return console.file.getvalue()
+
+
+def plain(state, width=80, height=24):
+    return drawn(state, width, height, no_color=True, color_system=None)
+
+
+def rows(n):
+    return tuple(
+        CycleRow(k, 4.0 * k + 6, 4.0 if k else None, 0.8 if k else None, None, 0.8 if k else None) for k in range(n)
+    )
+
+
+RUNNING = TrialState(
+    title="rotdrift capture",
+    elapsed_s=61.0,
+    n_endpoints=12,
+    cycles=rows(12),
+    theta_bar_deg=0.8125,
+    interval_deg=(0.71, 0.92),
+    target_cycles=20,
+    motion=MotionView("running", True, 4.0, 40.0),
+    sensor=SensorView(
+        name="[red]cube[/red]", still=False, temperature_c=31.25, battery_v=3.9, orientation_wxyz=(1, 0, 0, 0)
+    ),
+    link=LinkView("serial:/dev/ttyACM0", rate_hz=99.9, expected_rate_hz=100.0, losses=LossReport(100, 98, 2)),
+    recording=RecordingView("a.mcap", 1_500_000, None, 10**10),
+)
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (200, 60), (80, 18)])
+@pytest.mark.parametrize("state", [TrialState(), RUNNING], ids=["nothing yet", "running"])
+def test_it_fits_the_terminal(state, width, height):
+    lines = plain(state, width, height).rstrip("\n").split("\n")
+    assert len(lines) <= height
+    assert max(map(cell_len, lines)) <= width
+
+
+def test_what_matters_is_there_without_colour():
+    text = plain(RUNNING)
+    for part in (
+        "0.71° to 0.92°",
+        "11 of 20 cycles · 01:01",
+        "[red]cube[/red]",
+        "99.9 Hz of 100",
+        "2 lost",
+        "2.00 %",
+        "1.5 MB",
+        "31.2 °C",
+        "0.800°",
+        "4.000 s",
+    ):
+        assert part in text, part
+    assert all(line in text for line in big_text("0.81°"))
+    assert "\x1b[3" not in text
+
+
+def test_the_newest_cycles_are_kept_when_there_is_little_room():
+    text = plain(RUNNING)
+    assert " 11 " in text
+    assert "start" not in text
+    assert "start" in plain(RUNNING, 80, 40)
+
+
+def test_waiting_and_finished_are_told_apart():
+    assert "no data yet" in plain(TrialState())
+    assert "so far" in plain(RUNNING)
+    finished = TrialState(theta_bar_deg=1.0, finished=True)
+    assert "θ̄ result" in plain(finished)
+
+
+def test_troubles_are_words_not_only_colours():
+    text = plain(
+        TrialState(
+            link=LinkView(connected=False, overflow_chunks=3, one_way=True, segments=2),
+            recording=RecordingView("a", 0, "the disk is full; 1.0 MB are kept in memory until it can be written"),
+            sensor=SensorView(still=True, saturated=True),
+            warnings=("something \x07happened",),
+        )
+    )
+    for part in ("DISCONNECTED", "3 chunks", "1 resets", "disk is full", "SATURATED", "! something"):
+        assert part in text, part
+
+
+def test_large_figures_know_their_limits():
+    assert len({len(line) for line in big_text("-12.90°")}) == 1
+    with pytest.raises(ValueError, match="no large figure"):
+        big_text("x")
+
+
+def test_lines_say_each_cycle_once():
+    stream = io.StringIO()
+    screen = LineScreen(stream)
+    screen.start()
+    for row in rows(3):
+        screen.cycle(row)
+    screen.update(RUNNING)
+    screen.say("the \x1b[2Jend")
+    screen.stop()
+    lines = stream.getvalue().splitlines()
+    assert len(lines) == 4
+    assert lines[0].startswith("start")
+    assert "period  4.000 s  step   0.800°  θ̄   0.800°" in lines[2]
+    assert lines[3] == "the [2Jend"
+
+
+def test_a_reader_of_lines_that_went_away_does_not_end_the_capture():
+    stream = io.StringIO()
+    screen = LineScreen(stream)
+    stream.close()
+    screen.say("nobody hears this")
+    screen.say("nor this")
+
+
+def test_without_a_terminal_there_are_lines_and_with_json_they_go_to_stderr(capsys):
+    stream = io.StringIO()
+    open_screen(False, stream).say("here")
+    assert stream.getvalue() == "here\n"
+    open_screen(True, stream).say("there")
+    assert capsys.readouterr().err == "there\n"
+    QuietScreen().say("nowhere")
+
+
+def test_the_live_screen_gives_the_terminal_back_and_then_says_what_was_said():
+    console = Console(file=io.StringIO(), width=80, height=24, force_terminal=True)
+    screen = LiveScreen(console)
+    screen.start()
+    screen.update(RUNNING)
+    screen.say("the disk [b]was[/b] full")
+    screen.stop()
+    text = console.file.getvalue()
+    assert text.index("\x1b[?1049h") < text.rindex("\x1b[?1049l") < text.index("the disk [b]was[/b] full")
+    assert text.rindex("\x1b[?25h") > text.index("\x1b[?25l")  # the cursor is back

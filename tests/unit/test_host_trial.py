@@ -1,0 +1,160 @@
+"""A trial as it happens, against the truth and against the offline result."""
+
+import numpy as np
+import pytest
+
+from host.link import Link
+from host.playback import play
+from host.rate_meter import RateMeter
+from host.recorded_trial import assemble
+from host.result import missing_per_cycle, result_text, score_trial
+from host.screen import QuietScreen
+from host.stop_signals import StopSignals
+from host.transports.chunks import Chunk
+from host.transports.replay import ReplayTransport
+from host.trial import MAX_ROWS, Trial
+from host.trial_state import LinkView
+from tests.recorded_trials import scenario, virtual_chunks, write_recording
+
+
+@pytest.fixture(scope="module")
+def default():
+    return virtual_chunks(scenario("default", motion={"cycles": 8}))
+
+
+def followed(chunks, **options):
+    trial = Trial(**options)
+    rows = [row for chunk in chunks for row in trial.feed(chunk).cycles]
+    return trial, rows
+
+
+def test_cycles_are_found_while_they_happen_and_agree_with_the_truth(default):
+    chunks, truth = default
+    trial, rows = followed(chunks)
+    assert [row.number for row in rows] == list(range(8))
+    assert trial.n_endpoints == 8
+    true_s = np.array([point["time_s"] for point in truth["endpoints"]])
+    np.testing.assert_allclose(np.diff([row.time_s for row in rows]), np.diff(true_s), atol=0.05)
+    assert rows[-1].theta_bar_deg == pytest.approx(truth["theta_bar_deg"], abs=0.1)
+    assert rows[0].step_deg is rows[0].period_s is None
+    offline = score_trial(assemble(chunks, "x"))
+    assert rows[-1].theta_bar_deg == pytest.approx(offline.theta_bar_deg, abs=0.02)
+
+
+def test_the_state_tells_what_a_screen_needs(default):
+    chunks, _ = default
+    trial, rows = followed(chunks, target_cycles=20)
+    now_ns = chunks[-1].host_time_ns
+    state = trial.state(now_ns, 12.5, LinkView(name="memory:", expected_rate_hz=100.0), ("careful",))
+    assert state.n_cycles == 7
+    assert state.cycles == tuple(rows)
+    assert state.theta_bar_deg == rows[-1].theta_bar_deg
+    assert state.interval_deg[0] < state.theta_bar_deg < state.interval_deg[1]
+    assert state.motion.period_s == pytest.approx(4.0, abs=0.02)
+    assert state.motion.swing_deg == pytest.approx(40.0, abs=1.0)
+    assert state.sensor.name == "virtual cube"
+    assert state.link.rate_hz == pytest.approx(100.0, rel=0.02)
+    assert state.link.losses.missing == 0
+    assert state.warnings == ("careful",)
+    hash(state)  # frozen all the way down
+
+
+def test_rows_are_bounded_however_long_the_trial(default):
+    chunks, _ = virtual_chunks(
+        scenario("ideal", motion={"cycles": MAX_ROWS + 20, "period_s": 0.5, "swing_deg": 20.0}), chunk_s=0.05
+    )
+    trial, rows = followed(chunks)
+    assert len(rows) > MAX_ROWS
+    state = trial.state(chunks[-1].host_time_ns, 1.0, LinkView())
+    assert len(state.cycles) == MAX_ROWS
+    assert state.cycles[-1] == rows[-1]
+    assert state.n_endpoints == len(rows)
+
+
+def test_a_replay_goes_through_the_same_path(default, tmp_path):
+    chunks, _ = default
+    path = write_recording(tmp_path / "trial.mcap", chunks)
+    live, _ = followed(chunks)
+    again, screen = Trial(), QuietScreen()
+    with ReplayTransport(path) as transport, StopSignals() as signals:
+        assert play(transport, again, screen, signals.stop)
+        signals.stop.set()
+        assert not play(transport, Trial(), screen, signals.stop)
+    at = chunks[-1].host_time_ns
+    assert again.state(at, 1.0, LinkView()) == live.state(at, 1.0, LinkView())
+
+
+def test_the_score_of_a_recording_has_where_it_came_from(default):
+    chunks, truth = default
+    trial = assemble(chunks, "a.mcap")
+    score = score_trial(trial, capture={"ended": "8 cycles are done"})
+    result = score.to_json()
+    assert result["valid"]
+    low, high = result["interval_deg"]
+    assert low <= truth["theta_bar_deg"] <= high
+    assert result["object"]["device_id"] == "0000000d21f70001"
+    assert result["object"]["card"]["shape"] == "cube"
+    assert result["losses"]["received"] == len(trial.series)
+    assert result["missing_per_cycle"] == [0] * (result["n_endpoints"] - 1)
+    assert result["capture"] == {"ended": "8 cycles are done"}
+    assert "NaN" not in result_text(score)
+
+
+def test_losses_reach_the_result(default):
+    chunks, _ = default
+    kept = [chunk for number, chunk in enumerate(chunks) if not 2000 <= number < 2030]
+    result = score_trial(assemble(kept, "a.mcap")).to_json()
+    assert result["losses"]["missing"] == 30
+    assert sum(result["missing_per_cycle"]) == 30
+    assert not any("degraded" in warning for warning in result["warnings"])
+    kept = [chunk for number, chunk in enumerate(chunks) if number % 20]
+    result = score_trial(assemble(kept, "a.mcap")).to_json()
+    assert any("the score is degraded" in warning for warning in result["warnings"])
+    assert result["losses"]["share"] == pytest.approx(0.05, abs=0.005)
+
+
+def test_missing_samples_are_counted_between_end_points_only():
+    chunks, _ = virtual_chunks(scenario("ideal"), duration_s=3.0)
+    series = assemble(chunks, "x").series
+    assert missing_per_cycle(series, [0.5, 1.0, 2.0]) == [0, 0]
+    assert missing_per_cycle(series, [0.5]) == []
+
+
+def test_an_object_that_was_reset_is_scored_with_a_warning(default):
+    chunks, _ = default
+    shift_ns = chunks[-1].host_time_ns - chunks[0].host_time_ns + 1_500_000_000
+    other_boot, _ = virtual_chunks(scenario("default", motion={"cycles": 5}), seed=99)
+    again = [Chunk(chunk.data, chunk.host_time_ns + shift_ns) for chunk in other_boot]
+    trial = assemble([*chunks, *again], "x")
+    assert [segment.reason for segment in trial.segments][1:] == ["the object was reset"]
+    assert trial.losses.segments == 2
+    assert trial.losses.missing == 0
+    result = score_trial(trial).to_json()
+    assert any("was reset" in warning for warning in result["warnings"])
+    assert result["link"]["resets"] == 1
+
+
+def test_damaged_bytes_are_rejected_and_accounted(default):
+    chunks, _ = default
+    hurt = []
+    for number, chunk in enumerate(chunks):
+        data = bytearray(chunk.data)
+        if number % 100 == 50:
+            data[len(data) // 2] ^= 0x10
+        hurt.append(Chunk(bytes(data), chunk.host_time_ns))
+    losses = assemble(hurt, "x").losses
+    assert losses.rejected > 20
+    assert losses.lost <= 1  # a damaged delimiter joins two frames into one
+    assert losses.produced == losses.received + losses.lost + losses.rejected + losses.dropped
+    whole = sum(1 for chunk in chunks for _ in Link().feed(chunk))
+    assert whole > losses.received
+
+
+def test_the_rate_is_that_of_the_last_seconds():
+    meter = RateMeter()
+    assert meter.rate_hz(10**9) is None
+    for k in range(1000):
+        meter.add(2, k * 10_000_000)
+    assert meter.rate_hz(10**10) == pytest.approx(200.0)
+    assert meter.rate_hz(10**10 + 1_500_000_000) == pytest.approx(100.0)
+    assert meter.rate_hz(20 * 10**9) == 0.0
