@@ -69,6 +69,7 @@ def odd_frames() -> list[bytes]:
         b"\x7f",
         b"\x01\x02\x00",  # INFO of another major version
         b"\x02" + bytes(15),  # norm 0
+        b"\x02" + bytes(6) + b"\xff\x7f\xff\x7f" + bytes(5),  # norm 1.41
         b"\x02\x01\x02",  # cut short before it was framed
         b"\x03" + bytes(8) + b"\x09" + bytes(24),  # a state that is none
         sample + b"new",

@@ -77,10 +77,10 @@ def test_everything_odd_is_counted_by_kind(batch_bytes, monkeypatch):
     assert items[0] == ForeignInfo(2, 0)
     assert counters.unknown_types == 2
     assert counters.unsupported_versions == 1
-    assert counters.malformed == 3
+    assert counters.malformed == 4
     assert counters.extended == 2
     assert counters.packets == {PacketType.ORIENTATION: 1, PacketType.STATUS: 1}
-    assert counters.frames == 8
+    assert counters.frames == 9
 
 
 @BOTH_WAYS
