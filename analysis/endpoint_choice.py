@@ -1,7 +1,8 @@
 """End points that a person chose: by row, by sequence number or by time, each with a reason if one is given.
 
-Text on the command line, ``1175,1639,2099`` (rows) or ``12.5s,17.1s`` (seconds since the first sample); or a CSV with a
-header ``row`` (or ``sequence``, or ``time_s``) and, if wanted, ``reason``:
+Text on the command line, ``1175,1639,2099`` (rows, or sequence numbers where the recording has these) or
+``12.5s,17.1s`` (seconds since the first sample); or a CSV with a header ``row`` (or ``sequence``, or ``time_s``) and, if
+wanted, ``reason``:
 
     row,reason
     1175,
@@ -20,7 +21,8 @@ from analysis.readers.number_table import MAX_FILE_BYTES, plain
 from analysis.series import ReaderError
 
 MAX_ENDPOINTS = 1_000_000
-_NAMES = ("row", "sequence", "time_s")
+_NAMES = ("row", "sequence", "time_s")  # columns of a CSV
+_KINDS = (*_NAMES, "index")
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,10 @@ class EndpointChoice:
     """Chosen end points, in cycle order."""
 
     kind: str
-    """``row``, ``sequence`` or ``time_s``: what the values are. Times are seconds since the first sample."""
+    """What the values are: ``row``, ``sequence``, ``index`` (whichever of the two the recording has) or ``time_s``.
+
+    Times are seconds since the first sample.
+    """
     values: tuple[float, ...]
     """Strictly increasing."""
     reasons: tuple[str, ...] = ()
@@ -37,7 +42,7 @@ class EndpointChoice:
     """Where the choice came from, for people."""
 
     def __post_init__(self) -> None:
-        if self.kind not in _NAMES:
+        if self.kind not in _KINDS:
             raise ReaderError(f"end points are named by {', '.join(_NAMES)}, not by '{plain(self.kind)}'")
         if len(self.values) > MAX_ENDPOINTS:
             raise ReaderError(f"{len(self.values)} end points; at most {MAX_ENDPOINTS} make sense")
@@ -74,7 +79,7 @@ def parse_endpoints(text: str) -> EndpointChoice:
     parts = [part.strip() for part in text.replace(";", ",").split(",") if part.strip()]
     kinds, values = set(), []
     for part in parts:
-        kinds.add("time_s" if part.endswith("s") or "." in part else "row")
+        kinds.add("time_s" if part.endswith("s") or "." in part else "index")
         try:
             values.append(float(part.removesuffix("s")))
         except ValueError:

@@ -196,7 +196,7 @@ def _own_time(series: OrientationSeries, window: tuple[float | None, float | Non
 
 def _chosen(series: OrientationSeries, choice: EndpointChoice) -> tuple[ScoredEndpoint, ...]:
     if choice.kind != "time_s":
-        if choice.kind != series.index_kind:
+        if choice.kind not in ("index", series.index_kind):
             raise SeriesError(f"this recording names its samples by {series.index_kind}, not by {choice.kind}")
         samples = [series.sample(int(value)) for value in choice.values]
         return tuple(

@@ -7,7 +7,7 @@ from analysis.series import ReaderError
 
 
 def test_rows_and_times_on_the_command_line():
-    assert parse_endpoints("1175, 1639,2099") == EndpointChoice("row", (1175.0, 1639.0, 2099.0))
+    assert parse_endpoints("1175, 1639,2099") == EndpointChoice("index", (1175.0, 1639.0, 2099.0))
     assert parse_endpoints("1.5s,2s").kind == "time_s"
     assert parse_endpoints("1.5,2.25").values == (1.5, 2.25)
     assert parse_endpoints("0").values == (0.0,)
@@ -23,8 +23,8 @@ def test_rows_and_times_on_the_command_line():
         ("1,2.5s", "either rows"),
         ("5,4", "number 2 .*does not; mend the order"),
         ("5,5", "must increase"),
-        ("nan,1", "which is no row"),
-        ("1e999,1", "which is no row"),
+        ("nan,1", "which is no index"),
+        ("1e999,1", "which is no index"),
         ("\x1b[31m,1", r"'\?\[31m,1' is no file"),
     ],
 )
