@@ -13,6 +13,8 @@ COMMANDS = (
     "score",
     "replay",
     "init",
+    "report",
+    "verify",
     "convert",
 )
 """Subcommands in the order of the help."""

@@ -1,0 +1,147 @@
+"""``rotdrift report``: everything the benchmark card asks for, from recordings and cards."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from host.submission import BuiltSubmission
+    from host.submission_source import TrialSource
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand and its arguments."""
+    parser = subparsers.add_parser(
+        "report",
+        help="write a submission: report, figures, data, summary",
+        description=(
+            "Write everything the benchmark card asks for. Cards are taken from --cards, from NAME.toml beside the\n"
+            "recording NAME.mcap, and from object.toml, hand.toml, trial.toml there or in the folder above. End\n"
+            "points chosen by hand are taken from NAME.endpoints.csv, a static baseline from NAME.baseline.toml or\n"
+            "baseline.toml."
+        ),
+        epilog="example: rotdrift report trials/*.mcap --out submission.zip   (also: report.html, report.pdf)",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("trials", nargs="+", type=Path, metavar="TRIAL", help="recordings, of ours or of anybody")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="submission.zip, report.html, report.pdf, or a folder"
+    )
+    parser.add_argument(
+        "--cards", type=Path, action="append", default=[], metavar="FILE", help="card file for all trials"
+    )
+    parser.add_argument("--title", metavar="TEXT", help="title of the report")
+    parser.add_argument("--force", action="store_true", help="replace the file that exists")
+    parser.add_argument("--endpoints", metavar="ROWS|CSV", help="end points chosen by hand (one trial only)")
+    parser.add_argument("--from", dest="start", type=float, metavar="S", help="begin of the window (one trial only)")
+    parser.add_argument("--to", dest="end", type=float, metavar="S", help="end of the window (one trial only)")
+    parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
+    parser.add_argument("--columns", metavar="SPEC", help="what the columns are: t=time,qw=w,qx=x,qy=y,qz=z")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where a file has no time stamps")
+    parser.add_argument("--topic", metavar="NAME", help="which topic of a bag")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Score, draw, write.
+
+    Returns
+    -------
+    int
+        0; 1 when a trial makes no valid score (the submission is written and says so).
+
+    Raises
+    ------
+    UsageError
+        Choices that cannot be.
+    FileError
+        A file cannot be read or written.
+    """
+    from host.errors import UsageError
+    from host.submission import DEFAULT_TITLE, build_submission
+
+    if len(args.trials) > 1 and (args.endpoints or args.start is not None or args.end is not None):
+        raise UsageError(
+            "--endpoints, --from and --to are for one trial", "put NAME.endpoints.csv beside each recording instead"
+        )
+    _refuse_existing(args.out, force=args.force)
+    sources = [_source(path, args) for path in args.trials]
+    built = build_submission(sources, title=args.title or DEFAULT_TITLE)
+    _write(args.out, built)
+    _tell(args.out, built)
+    return 0 if all(trial.valid for trial in built.submission.trials) else 1
+
+
+def _source(path: Path, args: argparse.Namespace) -> TrialSource:
+    from analysis.endpoint_choice import load_endpoints, parse_endpoints
+    from analysis.series import ReaderError
+    from host.card_files import find_cards
+    from host.errors import UsageError
+    from host.submission_source import Choices, load_source
+
+    choices = Choices(args.start, args.end, columns=args.columns, rate_hz=args.rate, topic=args.topic)
+    beside = path.with_suffix(".endpoints.csv")
+    try:
+        if args.endpoints:
+            choices = choices.with_endpoints(parse_endpoints(args.endpoints))
+        elif beside.is_file():
+            choices = choices.with_endpoints(load_endpoints(beside))
+    except ReaderError as error:
+        raise UsageError(str(error)) from error
+    baseline = args.baseline
+    for candidate in (path.with_suffix(".baseline.toml"), path.parent / "baseline.toml"):
+        if baseline is None and candidate.is_file():
+            baseline = candidate
+    cards = find_cards(path, tuple(args.cards)).cards
+    return load_source(path, cards, choices, baseline)
+
+
+def _refuse_existing(out: Path, *, force: bool) -> None:
+    from host.errors import FileError
+
+    if out.exists() and (out.is_dir() or not force):
+        mend = "give another name with --out" + ("" if out.is_dir() else ", or replace it with --force")
+        raise FileError(f"{out} exists already", mend)
+
+
+def _write(out: Path, built: BuiltSubmission) -> None:
+    from analysis.reporting.bundle import MANIFEST, bundle_bytes, manifest_text
+    from host.errors import FileError
+
+    single = {".html": "report.html", ".pdf": "report.pdf"}.get(out.suffix.lower())
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        if single is not None:
+            out.write_bytes(built.files[single])
+        elif out.suffix.lower() == ".zip":
+            out.write_bytes(bundle_bytes(built.files))
+        else:
+            for name, content in {**built.files, MANIFEST: manifest_text(built.files).encode()}.items():
+                place = out / name
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.write_bytes(content)
+    except OSError as error:
+        raise FileError(f"{out} cannot be written ({(error.strerror or str(error)).lower()})") from error
+
+
+def _tell(out: Path, built: BuiltSubmission) -> None:
+    from analysis.reporting.wording import degrees
+
+    lines = [f"wrote {out}: {len(built.submission.trials)} trials, {len(built.files) + 1} files"]
+    for trial in built.submission.trials:
+        if trial.theta_bar_deg is not None:
+            ends = ""
+            if trial.interval_low_deg is not None:
+                ends = f" ({degrees(trial.interval_low_deg)} … {degrees(trial.interval_high_deg)})"
+            lines.append(f"  {trial.id}: θ̄ = {trial.theta_bar_deg:.3f}°{ends}, {trial.n_endpoints} end points")
+        else:
+            lines.append(f"  {trial.id}: no score: {'; '.join(trial.reasons)}")
+        lines += [f"    ! {warning}" for warning in trial.warnings]
+        if trial.missing:
+            lines.append(f"    missing in the cards: {', '.join(trial.missing)}")
+    lines += [f"  {note}" for note in built.notes]
+    if not built.submission.complete:
+        lines.append("the submission is marked incomplete")
+    sys.stdout.write("\n".join(lines) + "\n")

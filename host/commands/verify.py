@@ -1,0 +1,59 @@
+"""``rotdrift verify``: check a submission against its own raw bytes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand and its arguments."""
+    parser = subparsers.add_parser(
+        "verify",
+        help="check a submission: hashes, layout, every number again from the raw bytes",
+        description=(
+            "Check the hashes and the layout of a submission, score its recordings again, and compare every file. "
+            "Exit code 0: equal; 1: something differs."
+        ),
+    )
+    parser.add_argument("bundle", type=Path, metavar="BUNDLE", help="submission.zip, or the folder it was unpacked to")
+    parser.add_argument("--no-drawings", action="store_true", help="do not make figures and reports again (faster)")
+    parser.add_argument("--json", action="store_true", help="print the finding as one JSON object")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Verify one submission.
+
+    Raises
+    ------
+    FileError
+        It is refused or no submission.
+    """
+    from host.verification import verify_bundle
+
+    found = verify_bundle(args.bundle, drawings=not args.no_drawings)
+    if args.json:
+        values = {
+            "equal": found.equal,
+            "digest": found.digest,
+            "n_files": found.n_files,
+            "n_trials": found.n_trials,
+            "altered": found.altered,
+            "differences": found.differences,
+            "notes": found.notes,
+        }
+        sys.stdout.write(json.dumps(values, indent=2, ensure_ascii=False) + "\n")
+        return 0 if found.equal else 1
+    lines = [f"altered: {line}" for line in found.altered]
+    lines += [f"differs: {line}" for line in found.differences]
+    lines += list(found.notes)
+    lines.append(
+        f"equal: {found.n_files} files, {found.n_trials} trials scored again from the raw bytes"
+        if found.equal
+        else f"not equal: {len(found.altered)} altered files, {len(found.differences)} differences"
+    )
+    lines.append(f"digest of the submission: {found.digest}")
+    sys.stdout.write("\n".join(lines) + "\n")
+    return 0 if found.equal else 1

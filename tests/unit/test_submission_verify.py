@@ -1,0 +1,250 @@
+"""Submissions: complete, the same bytes for the same sources, and every single alteration found by verifying."""
+
+import json
+import random
+import tomllib
+
+import pytest
+
+from analysis.reporting.bundle import MANIFEST, bundle_bytes, manifest_text, read_bundle
+from analysis.writers.series_csv import csv_text
+from host.cards import Cards, parse_cards
+from host.cli import main
+from host.errors import FileError
+from host.submission import build_submission, made_with
+from host.submission_format import parse_submission, submission_schema
+from host.submission_source import Choices, TrialSource
+from host.verification import verify_bundle
+from tests.scored_trials import scored
+
+CARDS = parse_cards("""
+[object]
+type = "cube"
+dimensions = { x_mm = 60, y_mm = 60, z_mm = 60 }
+surface = "smooth, 100 % & <b>"
+mass_g = 180
+com_mm = [0, 0, 2.5]
+weights = []
+[hand]
+model = "T42"
+aperture_mm = 90
+control_mode = "open loop"
+[trial]
+motion = "roll"
+comments = "fine"
+""")
+
+
+def source(name="roll.csv", cards=CARDS, **settings):
+    series, _ = scored(**{"cycles": 5, "slip_deg": 0.0, **settings})
+    return TrialSource(name, csv_text(series).encode(), cards)
+
+
+@pytest.fixture(scope="module")
+def sources():
+    pitch = parse_cards("[hand]\nmodel = 'T42'\n[trial]\nmotion = 'pitch'")
+    return [source(), source("again.csv", seed=1), source("pitch.csv", pitch, drift_deg=0.2)]
+
+
+@pytest.fixture(scope="module")
+def files(sources):
+    return build_submission(sources, drawings=False).files
+
+
+def pack(path, files):
+    path.write_bytes(bundle_bytes({name: content for name, content in files.items() if name != MANIFEST}))
+    return path
+
+
+def test_order_does_not_matter_and_the_same_sources_give_the_same_bytes(sources, files):
+    assert build_submission(sources[::-1], drawings=False).files == files
+
+
+def test_the_submission_says_everything_and_pools_only_repeats(files):
+    submission = parse_submission(files["submission.json"])
+    assert [trial.id for trial in submission.trials] == [
+        "t42--cube-60-x-60-x-60-mm--roll--01",
+        "t42--cube-60-x-60-x-60-mm--roll--02",
+        "t42--unknown-object--pitch--01",
+    ]
+    assert [(row.motion, row.n_valid, row.interval_kind) for row in submission.summary] == [
+        ("roll", 2, "between trials"),
+        ("pitch", 1, "within the trial"),
+    ]
+    values = [trial.theta_bar_deg for trial in submission.trials]
+    assert submission.summary[0].theta_bar_mean_deg == pytest.approx((values[0] + values[1]) / 2)
+    assert not submission.complete
+    assert submission.trials[0].missing == []
+    assert "object.mass_g" in submission.trials[2].missing
+
+
+def test_every_trial_has_its_files_and_they_agree(files):
+    folder = "trials/t42--cube-60-x-60-x-60-mm--roll--01/"
+    names = {name.removeprefix(folder) for name in files if name.startswith(folder)}
+    assert names >= {
+        "result.json", "endpoints.csv", "steps.csv", "samples.csv", "samples.parquet", "cards.toml", "choices.json",
+    }  # fmt: skip
+    result = json.loads(files[folder + "result.json"])
+    steps = [float(line.split(",")[1]) for line in files[folder + "steps.csv"].decode().splitlines()[1:]]
+    assert steps == result["steps_deg"]
+    assert files[folder + "endpoints.csv"].decode().count("\n") == result["n_endpoints"] + 1
+    assert tomllib.loads(files[folder + "cards.toml"].decode())["object"]["mass_g"] == 180
+    assert "/tmp" not in files[folder + "result.json"].decode()
+
+
+def test_the_summary_stands_in_three_languages(files):
+    assert files["summary.csv"].decode().startswith("hand,object,motion,theta_bar_mean_deg,")
+    assert "| T42 | cube 60 × 60 × 60 mm | roll |" in files["summary.md"].decode()
+    latex = files["summary.tex"].decode()
+    assert "\\toprule" in latex
+    assert "60 $\\times$ 60" in latex
+    assert latex.count("\\\\") == 3
+
+
+def test_recordings_of_which_nothing_is_known_are_not_pooled():
+    built = build_submission([source("a.csv", Cards()), source("b.csv", Cards(), seed=1)], drawings=False)
+    assert [row.n_trials for row in built.submission.summary] == [1, 1]
+
+
+def test_an_untouched_bundle_is_equal(files, tmp_path):
+    found = verify_bundle(pack(tmp_path / "a.zip", files), drawings=False)
+    assert (found.equal, found.altered, found.differences, found.n_trials) == (True, (), (), 3)
+
+
+def numbers_in(value, path=()):
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from numbers_in(item, (*path, key))
+    elif isinstance(value, list):
+        for place, item in enumerate(value):
+            yield from numbers_in(item, (*path, place))
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield path
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_single_altered_number_is_found_even_under_a_new_manifest(files, tmp_path, seed):
+    rng = random.Random(seed)
+    name = rng.choice([name for name in files if name.endswith((".json", ".csv")) and "choices" not in name])
+    altered = dict(files)
+    if name.endswith(".json"):
+        values = json.loads(files[name])
+        *parents, last = rng.choice(list(numbers_in(values)))
+        place = values
+        for key in parents:
+            place = place[key]
+        place[last] += 1 if isinstance(place[last], int) else 1e-6 * max(abs(place[last]), 1.0)
+        altered[name] = json.dumps(values).encode()
+    else:
+        lines = files[name].decode().splitlines()
+        row = rng.randrange(1, len(lines))
+        cells = lines[row].split(",")
+        column = 3 if name == "summary.csv" else 1
+        cells[column] = repr(float(cells[column]) + (1e-9 if "raw" in name else 1e-3))
+        lines[row] = ",".join(cells)
+        altered[name] = ("\n".join(lines) + "\n").encode()
+    found = verify_bundle(pack(tmp_path / "a.zip", altered), drawings=False)
+    assert found.altered == ()
+    assert not found.equal, name
+    assert any(name in line or "submission.json" in line for line in found.differences)
+
+
+def test_the_finding_says_what_and_by_how_much(files, tmp_path):
+    values = json.loads(files["submission.json"])
+    before = values["trials"][0]["theta_bar_deg"]
+    values["trials"][0]["theta_bar_deg"] = before - 0.25
+    found = verify_bundle(
+        pack(tmp_path / "a.zip", {**files, "submission.json": json.dumps(values).encode()}), drawings=False
+    )
+    (line,) = found.differences
+    assert line.startswith("submission.json: trials[0].theta_bar_deg is ")
+    assert line.endswith("(differs by -0.25)")
+
+
+def test_a_hash_a_missing_and_an_added_file_are_found(files, tmp_path):
+    text = manifest_text(files)
+    tampered = text.replace(text[0], "0" if text[0] != "0" else "1", 1)
+    folder = tmp_path / "open"
+    for name, content in {**files, MANIFEST: tampered.encode()}.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    assert len(verify_bundle(folder, drawings=False).altered) == 1
+    less = {name: content for name, content in files.items() if not name.endswith("summary.md")}
+    assert "summary.md is missing" in verify_bundle(pack(tmp_path / "a.zip", less), drawings=False).differences
+    more = {**files, "extra.txt": b"x"}
+    assert "extra.txt does not belong" in str(verify_bundle(pack(tmp_path / "b.zip", more), drawings=False).differences)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"submission.json": b"{}"},
+        {"submission.json": b"[" * 100_000},
+        {"submission.json": None},
+        {"trials/t42--unknown-object--pitch--01/choices.json": b"{"},
+        {"trials/t42--unknown-object--pitch--01/choices.json": b'{"endpoint_kind": "row", "endpoint_values": [5, 2]}'},
+        {"trials/t42--unknown-object--pitch--01/choices.json": b'{"from_s": 1e9, "to_s": 2e9}'},
+        {"trials/t42--unknown-object--pitch--01/cards.toml": b"\xff"},
+        {"trials/t42--unknown-object--pitch--01/raw/pitch.csv": b"nothing"},
+        {"trials/t42--unknown-object--pitch--01/raw/pitch.csv": None},
+        {"trials/t42--unknown-object--pitch--01/baseline.toml": b"nonsense"},
+    ],
+)
+def test_nonsense_inside_is_a_finding_and_never_a_crash(files, tmp_path, damage):
+    changed = {**files, **damage}
+    changed = {name: content for name, content in changed.items() if content is not None}
+    found = verify_bundle(pack(tmp_path / "a.zip", changed), drawings=False)
+    assert not found.equal
+    assert len(found.differences) + len(found.altered) >= 1
+
+
+def test_what_is_no_bundle_is_refused(tmp_path):
+    (tmp_path / "a.zip").write_bytes(b"PK")
+    with pytest.raises(FileError):
+        verify_bundle(tmp_path / "a.zip")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "link").symlink_to("/etc/passwd")
+    with pytest.raises(FileError, match="link"):
+        verify_bundle(tmp_path / "folder")
+
+
+def test_other_versions_are_said(sources, tmp_path):
+    built = build_submission(sources[:1], drawings=False, versions={**made_with(), "matplotlib": "1.0"})
+    found = verify_bundle(pack(tmp_path / "a.zip", built.files), drawings=False)
+    assert found.equal
+    assert "matplotlib 1.0 (here " in found.notes[0]
+
+
+def test_chosen_end_points_travel_with_the_bundle(tmp_path):
+    base = source()
+    rows = tuple(float(700 + 400 * k) for k in range(5))
+    chosen = TrialSource(base.file_name, base.data, CARDS, Choices(endpoint_kind="row", endpoint_values=rows))
+    built = build_submission([chosen], drawings=False)
+    name = next(name for name in built.files if name.endswith("result.json"))
+    result = json.loads(built.files[name])
+    assert result["window"]["kind"] == "endpoints"
+    assert [point["row"] for point in result["endpoints"]] == list(rows)
+    assert verify_bundle(pack(tmp_path / "a.zip", built.files), drawings=False).equal
+
+
+def test_the_published_schema_is_the_code_s_own():
+    from pathlib import Path
+
+    published = (Path(__file__).parents[2] / "docs" / "submission.schema.json").read_text("utf-8")
+    assert published == submission_schema(), "renew it: see docs/submission.md"
+
+
+def test_a_bundle_with_drawings_is_complete_and_equal(sources, tmp_path, capsys):
+    (tmp_path / "roll.csv").write_bytes(sources[0].data)
+    out = tmp_path / "s.zip"
+    assert main(["report", str(tmp_path / "roll.csv"), "--out", str(out)]) == 0
+    assert main(["report", str(tmp_path / "roll.csv"), "--out", str(out)]) == 4
+    files = read_bundle(out)
+    assert {"report.html", "report.pdf", "CITATION.txt", "summary.tex"} <= set(files)
+    assert sum(name.endswith((".png", ".svg", ".pdf")) for name in files) == 1 + 3 * 7
+    assert main(["verify", str(out)]) == 0
+    assert "equal:" in capsys.readouterr().out
+    figure = next(name for name in files if name.endswith("steps.png"))
+    pack(out, {**files, figure: files[figure] + b" "})
+    assert main(["verify", str(out)]) == 1
+    assert "is not what the data give" in capsys.readouterr().out
