@@ -1,8 +1,8 @@
 """End points that a person chose: by row, by sequence number or by time, each with a reason if one is given.
 
 Text on the command line, ``1175,1639,2099`` (rows, or sequence numbers where the recording has these) or
-``12.5s,17.1s`` (seconds since the first sample); or a CSV with a header ``row`` (or ``sequence``, or ``time_s``) and, if
-wanted, ``reason``:
+``12.5s,17.1s`` (seconds since the first sample); or a CSV with a header ``row`` (or ``sequence``, or ``time_s``) and,
+if wanted, ``reason``:
 
     row,reason
     1175,

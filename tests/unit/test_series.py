@@ -17,7 +17,7 @@ def series(times, **more):
 
 def test_rounding_is_mended_but_a_wrong_norm_is_refused():
     assert np.linalg.norm(series([0, 1], quats_wxyz=np.tile(1.004 * UNIT, (2, 1))).quats_wxyz[0]) == 1.0
-    with pytest.raises(SeriesError, match="sample 1 has norm 1[.]0200"):
+    with pytest.raises(SeriesError, match=r"sample 1 has norm 1\.0200"):
         series([0, 1], quats_wxyz=np.array([UNIT, 1.02 * UNIT]))
     with pytest.raises(SeriesError, match="sample 1 has norm nan"):
         series([0, 1], quats_wxyz=np.array([UNIT, np.nan * UNIT]))
