@@ -22,9 +22,8 @@ class Adapter(Protocol):
     greeting: bytes
     """What the adapter says to a new host unasked."""
 
-    @property
-    def is_open(self) -> bool:
-        """Whether the host has opened the channel."""
+    def hears(self, time_ms: int) -> bool:
+        """Whether the host has opened the channel and frames may be told now."""
 
     def reset(self) -> None:
         """Forget everything: there is a new host."""
@@ -65,7 +64,7 @@ class CanByteLink(ByteLink):
     def send(self, packets: Sequence[bytes]) -> int | None:
         """Send as frames through the adapter; see :meth:`emulator.links.Link.send`."""
         self._take_in()
-        if not self._connected() or not self.adapter.is_open:
+        if not self._connected() or not self.adapter.hears(time.monotonic_ns() // 1_000_000):
             # Whoever opens the channel later gets the sample state anew; the object's identity stays known.
             self.object_end.encode([packet for packet in packets if packet[0] == PacketType.INFO])
             self.object_end.reset()

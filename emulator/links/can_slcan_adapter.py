@@ -79,6 +79,10 @@ class SlcanAdapter:
         self.data_bitrate: int | None = None
         self.refusals = 0
 
+    def hears(self, time_ms: int) -> bool:  # noqa: ARG002 (other adapters want a pause first)
+        """Whether the channel is open."""
+        return self.is_open
+
     def from_bus(self, frame: CanFrame, time_ms: int) -> bytes:
         """Return what the adapter tells its host of a frame on the bus; nothing while the channel is closed."""
         if not self.is_open:

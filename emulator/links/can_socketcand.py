@@ -58,17 +58,18 @@ class SocketcandSession:
         self._raw_since_ms: int | None = None
         self.refusals = 0
 
-    @property
-    def is_open(self) -> bool:
-        """Whether frames are passed on."""
-        return self._raw_asked
+    def hears(self, time_ms: int) -> bool:
+        """Whether frames are passed on: in raw mode, and a while after its answer."""
+        if not self._raw_asked:
+            return False
+        if self._raw_since_ms is None:
+            self._raw_since_ms = time_ms
+        return time_ms - self._raw_since_ms >= QUIET_MS
 
     def from_bus(self, frame: CanFrame, time_ms: int) -> bytes:
         """Return the line of a classic data frame; other kinds are not passed on."""
-        if self._raw_since_ms is None:
-            self._raw_since_ms = time_ms
         unfit = frame.flags & (FrameFlag.REMOTE | FrameFlag.FD | FrameFlag.ERROR)
-        if not self._raw_asked or unfit or time_ms - self._raw_since_ms < QUIET_MS:
+        if unfit or not self.hears(time_ms):
             return b""
         extended = frame.flags & FrameFlag.EXTENDED
         identifier = f"{frame.arbitration_id:08X}" if extended else f"{frame.arbitration_id:03X}"

@@ -3,6 +3,7 @@
 import threading
 from typing import Any
 
+import can
 import numpy as np
 import pytest
 
@@ -230,3 +231,20 @@ def test_wrong_links_are_one_sentence(uri: str, kind: type[Exception], words: st
     with pytest.raises(kind, match=words) as failure:
         open_transport(uri)
     assert "\n" not in str(failure.value)
+
+
+@pytest.mark.parametrize("name", ["slcan-pty", "slcan-socket"])
+def test_python_cans_own_slcan_bus_understands_the_adapter(name: str, request: pytest.FixtureRequest) -> None:
+    with object_on(address_of(name, request)) as (uri, _):
+        channel = uri.removeprefix("can:slcan:").partition("?")[0]
+        with can.Bus(interface="slcan", channel=channel, bitrate=500_000, sleep_after_open=0.0) as bus:
+            assert bus.get_version(5.0) == (10, 13)
+            assert bus.get_serial_number(5.0) == "RD01"
+            node = 7 if name == "slcan-pty" else 1
+            bus.send(can.Message(arbitration_id=0x020 | node, data=b"\x82\x01\x00", is_extended_id=False))
+            heard = {}
+            while not {0x040 | node, 0x180 | node, 0x200 | node} <= set(heard):
+                message = bus.recv(5.0)
+                assert message is not None
+                heard[message.arbitration_id] = bytes(message.data)
+            assert heard[0x040 | node] == b"\x05\x82\x01\x00"
