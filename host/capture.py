@@ -194,7 +194,7 @@ class Capture:
                 "period_s": row.period_s,
                 "step_deg": row.step_deg,
                 "theta_bar_deg": row.theta_bar_deg,
-                "flags": list(row.flags),
+                "flags": ", ".join(row.flags),
             }
             self._recording.add_values(fmt.ENDPOINT, values, host_time_ns)
             self._screen.cycle(row)

@@ -6,7 +6,6 @@ library's default chunks would lose everything since the last megabyte, and its 
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import platform
 from collections.abc import Callable
@@ -62,6 +61,7 @@ class RecordingWriter:
         self._sink = RecordingSink(path, max_kept_bytes)
         self._wall_minus_monotonic_ns = wall_time_ns - monotonic_ns
         self._flushed_ns = monotonic_ns
+        self._logged_ns = 0
         self._writer = cast(  # its methods are not annotated
             Any,
             Writer(
@@ -72,7 +72,7 @@ class RecordingWriter:
                 enable_data_crcs=True,
             ),
         )
-        self._writer.start(profile="", library=f"rotdrift {VERSION}")
+        self._writer.start(profile=fmt.PROFILE, library=f"rotdrift {VERSION}")
         self._writer.add_metadata(
             fmt.METADATA_NAME,
             {
@@ -89,11 +89,9 @@ class RecordingWriter:
         self._channels: dict[str, int] = {}
         for topic in fmt.TOPICS:
             if topic.schema_name not in schema_ids:
-                schema_ids[topic.schema_name] = self._writer.register_schema(
-                    topic.schema_name, topic.schema_encoding, topic.schema
-                )
+                schema_ids[topic.schema_name] = self._writer.register_schema(topic.schema_name, "ros2msg", topic.schema)
             self._channels[topic.name] = self._writer.register_channel(
-                topic.name, topic.message_encoding, schema_ids[topic.schema_name], {}
+                topic.name, "cdr", schema_ids[topic.schema_name], {}
             )
         self._counts = dict.fromkeys(self._channels, 0)
         self._writer.flush()
@@ -156,15 +154,12 @@ class RecordingWriter:
             self._add(fmt.ORIENTATION, fmt.encode_quaternion(self.wall_ns(stamp_ns), q_wxyz), host_time_ns)
 
     def add_packet(self, topic: str, packet: Info | Status | Event, host_time_ns: int) -> None:
-        """Record a rare packet (INFO, STATUS, EVENT) as JSON."""
-        values = dataclasses.asdict(packet)
-        if "device_id" in values:
-            values["device_id"] = f"{values['device_id']:016x}"  # JSON numbers end at 2**53
-        self.add_values(topic, values, host_time_ns)
+        """Record a rare packet (INFO, STATUS, EVENT)."""
+        self.add_values(topic, fmt.packet_values(packet), host_time_ns)
 
     def add_values(self, topic: str, values: dict[str, Any], host_time_ns: int) -> None:
-        """Record a JSON message on one of the JSON topics."""
-        self._add(topic, fmt.encode_json(values), host_time_ns)
+        """Record a message on one of the topics of :data:`host.recording_format.TYPES`."""
+        self._add(topic, fmt.TYPES[topic].encode(values), host_time_ns)
 
     def add_note(self, kind: str, text: str, host_time_ns: int) -> None:
         """Record something that happened, in words."""
@@ -199,6 +194,12 @@ class RecordingWriter:
         count = self._counts[topic]
         self._counts[topic] = count + 1
         wall_ns = self.wall_ns(host_time_ns)
+        # What was received earlier may be written later; ROS tools want the times of a file never to go back.
+        self._logged_ns = max(self._logged_ns, wall_ns)
         self._writer.add_message(
-            self._channels[topic], log_time=wall_ns, publish_time=wall_ns, data=message, sequence=count & 0xFFFFFFFF
+            self._channels[topic],
+            log_time=self._logged_ns,
+            publish_time=wall_ns,
+            data=message,
+            sequence=count & 0xFFFFFFFF,
         )

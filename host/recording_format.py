@@ -3,12 +3,15 @@
 A recording is an MCAP file. The first channel, ``/raw/received``, holds exactly what the link delivered, with the
 host's monotonic time and a CRC-32 of both; it is the truth, and every score can be recomputed from it. ``/raw/sent``
 holds what the host sent. The other channels are for viewers (Foxglove, PlotJuggler, ROS 2 tools) and for people:
-nothing reads them back. Two encodings: ROS 2's CDR with ``ros2msg`` schemas, and JSON with JSON Schema.
+nothing reads them back. All messages are ROS 2's: CDR bytes with a ``ros2msg`` schema in the file.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import enum
 import json
+import math
 import struct
 import zlib
 from dataclasses import dataclass
@@ -17,9 +20,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from firmware_protocol.packets import Event, Info, Status
+from host.plain_text import plain
+from host.ros_message import CDR_LITTLE_ENDIAN, RosField, RosMessageType
 from host.transports.chunks import AnyChunk, Chunk, FrameChunk
 
 FORMAT_VERSION = 1
+PROFILE = "ros2"
+"""MCAP profile: every channel is a ROS 2 one, so that ROS tools open the file."""
 METADATA_NAME = "rotdrift"
 """Name of the metadata record that says: this is one of ours."""
 
@@ -32,7 +40,6 @@ EVENT = "/object/event"
 ENDPOINT = "/trial/endpoint"
 NOTE = "/trial/note"
 
-CDR_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 WORLD_FRAME = "world"
 
 RAW_SCHEMA_NAME = "rotdrift_msgs/msg/RawChunk"
@@ -65,42 +72,88 @@ float64 z 0
 float64 w 1
 """.encode()
 
-_NUMBER = {"type": "number"}
-_TEXT = {"type": "string"}
-_WHOLE = {"type": "integer"}
-
-
-def _json_schema(title: str, **properties: dict[str, str]) -> bytes:
-    schema = {"title": title, "type": "object", "properties": properties}
-    return json.dumps(schema, sort_keys=True).encode()
+INFO_TYPE = RosMessageType(
+    "rotdrift_msgs/msg/Info",
+    (
+        RosField("uint64", "device_id"),
+        RosField("uint32", "boot_id", "differs after every reset"),
+        RosField("string", "firmware_version"),
+        RosField("uint16", "rate_hz", "orientation rate"),
+        RosField("string", "name"),
+        RosField("string", "sensor"),
+        RosField("string", "filter"),
+        RosField("string", "card", "the object's own card, JSON"),
+        RosField("uint8", "protocol_major"),
+        RosField("uint8", "protocol_minor"),
+    ),
+)
+STATUS_TYPE = RosMessageType(
+    "rotdrift_msgs/msg/Status",
+    (
+        RosField("uint64", "uptime_us", "device clock without wrap"),
+        RosField("string", "state"),
+        RosField("uint64", "samples_produced", "since boot"),
+        RosField("uint32", "samples_dropped", "of these, by the object itself"),
+        RosField("uint16", "battery_mv", "0 without a battery"),
+        RosField("float64", "temperature_c"),
+        RosField("float64[3]", "gyro_bias_dps", "deg/s, sensor axes"),
+        RosField("uint16", "errors", "bits, see the protocol"),
+    ),
+)
+EVENT_TYPE = RosMessageType(
+    "rotdrift_msgs/msg/Event",
+    (
+        RosField("uint32", "device_time_us", "wraps"),
+        RosField("string", "kind"),
+        RosField("uint16", "value", "button number or marker"),
+    ),
+)
+ENDPOINT_TYPE = RosMessageType(
+    "rotdrift_msgs/msg/Endpoint",
+    (
+        RosField("uint32", "number", "of the cycle that ends here; 0 for the first end point"),
+        RosField("float64", "time_s", "since the first sample"),
+        RosField("float64", "period_s", "since the end point before; NaN for the first"),
+        RosField("float64", "step_deg", "angle of the step; NaN for the first"),
+        RosField("float64", "theta_bar_deg", "rotation drift so far, provisional; NaN below two end points"),
+        RosField("string", "flags", "what is odd about it, separated by commas"),
+    ),
+)
+NOTE_TYPE = RosMessageType(
+    "rotdrift_msgs/msg/Note",
+    (RosField("string", "kind"), RosField("string", "text")),
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One channel and its schema."""
+    """One channel and its schema; all are CDR with a ``ros2msg`` schema."""
 
     name: str
     schema_name: str
-    schema_encoding: str
     schema: bytes
-    message_encoding: str
-
-
-def _json_topic(topic: str, title: str, **properties: dict[str, str]) -> Topic:
-    return Topic(topic, title, "jsonschema", _json_schema(title, **properties), "json")
+    type: RosMessageType | None = None
+    """How its messages are made; None for those with code of their own."""
 
 
 TOPICS = (
-    Topic(RECEIVED, RAW_SCHEMA_NAME, "ros2msg", RAW_SCHEMA, "cdr"),
-    Topic(SENT, RAW_SCHEMA_NAME, "ros2msg", RAW_SCHEMA, "cdr"),
-    Topic(ORIENTATION, QUATERNION_SCHEMA_NAME, "ros2msg", QUATERNION_SCHEMA, "cdr"),
-    _json_topic(INFO, "rotdrift.Info", device_id=_TEXT, boot_id=_WHOLE, rate_hz=_NUMBER, name=_TEXT),
-    _json_topic(STATUS, "rotdrift.Status", uptime_us=_WHOLE, samples_produced=_WHOLE, samples_dropped=_WHOLE),
-    _json_topic(EVENT, "rotdrift.Event", device_time_us=_WHOLE, kind=_TEXT, value=_WHOLE),
-    _json_topic(ENDPOINT, "rotdrift.Endpoint", number=_WHOLE, time_s=_NUMBER, step_deg=_NUMBER, theta_bar_deg=_NUMBER),
-    _json_topic(NOTE, "rotdrift.Note", kind=_TEXT, text=_TEXT),
+    Topic(RECEIVED, RAW_SCHEMA_NAME, RAW_SCHEMA),
+    Topic(SENT, RAW_SCHEMA_NAME, RAW_SCHEMA),
+    Topic(ORIENTATION, QUATERNION_SCHEMA_NAME, QUATERNION_SCHEMA),
+    *(
+        Topic(name, kind.name, kind.definition, kind)
+        for name, kind in (
+            (INFO, INFO_TYPE),
+            (STATUS, STATUS_TYPE),
+            (EVENT, EVENT_TYPE),
+            (ENDPOINT, ENDPOINT_TYPE),
+            (NOTE, NOTE_TYPE),
+        )
+    ),
 )
 """Every channel, in the order in which a recording declares them."""
+TYPES = {topic.name: topic.type for topic in TOPICS if topic.type is not None}
+"""Topic -> type of the messages that are made of values."""
 
 _RAW_HEAD = struct.Struct("<4sQIB3xI")
 _CRC_HEAD = struct.Struct("<QB")
@@ -155,16 +208,27 @@ def encode_quaternion(stamp_ns: int, q_wxyz: npt.NDArray[np.float64]) -> bytes:
     return _QUATERNION.pack(CDR_LITTLE_ENDIAN, seconds, nanoseconds, len(_WORLD_BYTES), _WORLD_BYTES, x, y, z, w)
 
 
-def encode_json(values: dict[str, Any]) -> bytes:
-    """Make the bytes of a JSON message; NaN, which JSON has not, becomes null."""
-    return json.dumps(_without_nan(values), separators=(",", ":"), ensure_ascii=False).encode("utf-8", "replace")
+def packet_values(packet: Info | Status | Event) -> dict[str, Any]:
+    """Turn a rare packet into the values of its message: names for enums, JSON for the card, texts made safe."""
+    values = dataclasses.asdict(packet)
+    if isinstance(packet, Info):
+        values["firmware_version"] = ".".join(map(str, packet.firmware_version))
+        values["card"] = json.dumps(_without_nan(values["card"]), ensure_ascii=False)
+    elif isinstance(packet, Status):
+        values["state"] = packet.state.name.lower()
+        values["errors"] = int(packet.errors)
+    else:
+        values["kind"] = packet.kind.name.lower()
+    return {key: plain(value, 4000) if isinstance(value, str) else value for key, value in values.items()}
 
 
 def _without_nan(value: object) -> object:
+    if isinstance(value, enum.Enum):
+        return value.name.lower()
     if isinstance(value, float):
-        return value if np.isfinite(value) else None
+        return value if math.isfinite(value) else None
     if isinstance(value, dict):
         return {str(key): _without_nan(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_without_nan(item) for item in value]
-    return value
+    return plain(value) if isinstance(value, str) else value

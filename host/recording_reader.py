@@ -57,13 +57,18 @@ class RecordedMessage:
 
     topic: str
     data: bytes
-    log_time_ns: int
-    """Wall clock, ns since 1970."""
+    time_ns: int
+    """When it was received or happened, wall clock, ns since 1970."""
 
-    def json(self) -> dict[str, Any]:
-        """Parse a message on one of the JSON topics."""
-        values: dict[str, Any] = json.loads(self.data)
-        return values
+    def values(self) -> dict[str, Any]:
+        """Take a message on one of the topics of :data:`host.recording_format.TYPES` apart.
+
+        Raises
+        ------
+        ValueError
+            Damaged.
+        """
+        return fmt.TYPES[self.topic].decode(self.data)
 
 
 def is_our_recording(path: Path) -> bool:
@@ -122,10 +127,10 @@ class RecordingReader:
                 if len(body) < _MESSAGE.size:
                     self.damage.append("a message shorter than its header is left out")
                     continue
-                channel_id, _, log_time_ns, _ = _MESSAGE.unpack_from(body)
+                channel_id, _, _, time_ns = _MESSAGE.unpack_from(body)
                 topic = self._channels.get(channel_id)
                 if topic is not None and (wanted is None or topic in wanted):
-                    yield RecordedMessage(topic, bytes(body[_MESSAGE.size :]), log_time_ns)
+                    yield RecordedMessage(topic, bytes(body[_MESSAGE.size :]), time_ns)
 
     def _read_header(self) -> RecordingHeader:
         with self._open() as file:

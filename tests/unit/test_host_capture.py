@@ -91,7 +91,7 @@ def test_a_capture_ends_after_its_cycles_and_leaves_nothing_behind(tmp_path):
     assert len(trial.series) == trial.losses.received == trial.losses.produced
     sent = b"".join(chunk.data for chunk in RecordingReader(bench.path).chunks("/raw/sent"))
     assert sent == b"".join(bench.link.written)
-    endpoints = [message.json() for message in RecordingReader(bench.path).messages(["/trial/endpoint"])]
+    endpoints = [message.values() for message in RecordingReader(bench.path).messages(["/trial/endpoint"])]
     assert [endpoint["number"] for endpoint in endpoints] == [0, 1, 2, 3]
 
 

@@ -1,8 +1,10 @@
 """Recordings: exact, never over another file, readable when cut, kept in memory when the disk is full."""
 
 import errno
+import json
 import os
 import sys
+import threading
 
 import mcap.reader
 import mcap.stream_reader
@@ -17,6 +19,7 @@ from host import recording_format as fmt
 from host.errors import FileError
 from host.recording import RecordingWriter
 from host.recording_reader import RecordingReader, is_our_recording
+from host.ros_message import RosField, RosMessageType
 from host.transports import open_transport
 from host.transports.chunks import Chunk, FrameChunk, LinkEnd
 from host.transports.replay import ReplayTransport
@@ -67,12 +70,15 @@ def test_frames_of_a_can_link_come_back_as_frames(tmp_path):
     assert list(RecordingReader(tmp_path / "can.mcap").chunks()) == [FrameChunk(b"CF packed", MONO)]
 
 
-def test_json_channels_are_strict_json(recording):
+def test_rare_packets_and_notes_come_back(recording):
     messages = {m.topic: m for m in RecordingReader(recording).messages([fmt.INFO, fmt.STATUS, fmt.NOTE])}
-    assert messages[fmt.INFO].json()["device_id"] == "ffffffffffffffff"
-    assert messages[fmt.STATUS].json()["temperature_c"] is None  # NaN is no JSON
-    assert messages[fmt.NOTE].json() == {"kind": "warning", "text": "the hand stopped"}
-    assert messages[fmt.NOTE].log_time_ns == WALL + 10
+    info = messages[fmt.INFO].values()
+    assert info["device_id"] == 2**64 - 1
+    assert info["name"] == "cube [2J"
+    assert json.loads(info["card"])["mass_g"] is None  # NaN is no JSON
+    assert np.isnan(messages[fmt.STATUS].values()["temperature_c"])
+    assert messages[fmt.NOTE].values() == {"kind": "warning", "text": "the hand stopped"}
+    assert messages[fmt.NOTE].time_ns == WALL + 10
 
 
 def test_the_library_reads_it_by_index_with_valid_checksums(recording):
@@ -88,20 +94,82 @@ def test_the_library_reads_it_by_index_with_valid_checksums(recording):
     assert min(summary.channels) == next(i for i, c in summary.channels.items() if c.topic == fmt.RECEIVED)
 
 
-def test_ros_reads_the_orientations_and_the_raw_chunks(recording):
-    typesys = pytest.importorskip("rosbags.typesys")
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    store.register(typesys.get_types_from_msg(fmt.RAW_SCHEMA.decode(), fmt.RAW_SCHEMA_NAME))
-    reader = RecordingReader(recording)
-    quaternions = [
-        store.deserialize_cdr(m.data, fmt.QUATERNION_SCHEMA_NAME) for m in reader.messages([fmt.ORIENTATION])
-    ]
+def ros_messages(path):
+    """Everything ROS tools see in a recording: (topic, message)."""
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    with highlevel.AnyReader([path]) as reader:
+        return [(c.topic, reader.deserialize(raw, c.msgtype)) for c, _, raw in reader.messages()]
+
+
+def test_ros_opens_the_recording_and_reads_every_channel(recording):
+    messages = ros_messages(recording)
+    quaternions = [message for topic, message in messages if topic == fmt.ORIENTATION]
     last = quaternions[-1]
     assert (last.quaternion.x, last.quaternion.y, last.quaternion.z, last.quaternion.w) == (0.5, -0.5, 0.5, 0.5)
     assert last.header.frame_id == "world"
     assert last.header.stamp.sec * 10**9 + last.header.stamp.nanosec == WALL + 19_000_000
-    raw = [store.deserialize_cdr(m.data, fmt.RAW_SCHEMA_NAME) for m in reader.messages([fmt.RECEIVED])]
+    raw = [message for topic, message in messages if topic == fmt.RECEIVED]
     assert [(r.data.tobytes(), r.host_time_ns) for r in raw] == [(c.data, c.host_time_ns) for c in chunks()]
+    seen = dict(messages)
+    assert seen[fmt.INFO].device_id == 2**64 - 1
+    assert seen[fmt.INFO].firmware_version == "0.0.0"
+    assert seen[fmt.STATUS].uptime_us == 5
+    assert seen[fmt.STATUS].gyro_bias_dps.tolist() == [0.0, 0.0, 0.0]
+    assert seen[fmt.NOTE].text == "the hand stopped"
+
+
+def test_the_reader_of_bags_finds_the_same_orientations_as_the_raw_bytes(tmp_path):
+    pytest.importorskip("rosbags")
+    from analysis.readers import read_series
+    from host.capture import CaptureSettings
+    from host.capture_run import run_capture
+    from host.recorded_trial import load_trial
+    from host.screen import QuietScreen
+    from tests.recorded_trials import scenario, virtual_chunks, write_recording
+
+    virtual, _ = virtual_chunks(scenario("ideal"), duration_s=4.0)
+    source = write_recording(tmp_path / "source.mcap", virtual)
+    path = tmp_path / "trial.mcap"
+    run_capture(f"replay:{source}", path, CaptureSettings(), QuietScreen(), threading.Event())
+    ours, bag = load_trial(path).series, read_series(path)
+    np.testing.assert_allclose(bag.quats_wxyz, ours.quats_wxyz, atol=1e-12)
+    np.testing.assert_allclose(bag.times_s - bag.times_s[0], ours.times_s, atol=2e-3)
+
+
+def test_our_cdr_is_that_of_ros():
+    typesys = pytest.importorskip("rosbags.typesys")
+    kind = RosMessageType(
+        "a/msg/B",
+        (
+            RosField("bool", "flag"),
+            RosField("float64", "number"),
+            RosField("string", "text"),
+            RosField("uint16[3]", "three"),
+            RosField("int64", "large"),
+            RosField("string", "empty"),
+            RosField("uint8", "small"),
+            RosField("float32", "single"),
+        ),
+    )
+    values = {
+        "flag": True,
+        "number": -1.5,
+        "text": "θ̄ x",
+        "three": [1, 2, 65535],
+        "large": -(2**60),
+        "empty": "",
+        "small": 255,
+        "single": 0.25,
+    }
+    store = typesys.get_typestore(typesys.Stores.EMPTY)
+    store.register(typesys.get_types_from_msg(kind.definition.decode(), kind.name))
+    theirs = store.types[kind.name](**{**values, "three": np.array(values["three"], np.uint16)})
+    assert kind.encode(values) == bytes(store.serialize_cdr(theirs, kind.name))
+    assert kind.decode(kind.encode(values)) == values
+    with pytest.raises(ValueError, match="too short"):
+        kind.decode(kind.encode(values)[:20])
+    with pytest.raises(ValueError, match="not little-endian"):
+        kind.decode(b"{}")
 
 
 def test_the_schemas_are_those_of_ros(recording):
