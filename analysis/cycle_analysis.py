@@ -20,7 +20,11 @@ class CycleSettings:
     moving_share: float = 0.15
     """The object moves where its speed is above this share of its working speed."""
     more_sigma_s: tuple[float, ...] = (0.1, 0.25)
-    """Further smoothing of ω tried, one after the other, where the period is unsure, s; at most 1/15 of a period."""
+    """Further smoothing of ω tried, one after the other, where noise hides the period, s."""
+    min_sigmas: float = 8.0
+    """Shortest period looked for after further smoothing, in σ."""
+    max_noise_share: float = 0.2
+    """Share of noise in the power of ω above which it is smoothed further."""
     min_period_s: float = 0.4
     """Shortest period looked for, s."""
     max_period_s: float = 120.0

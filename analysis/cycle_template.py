@@ -1,4 +1,4 @@
-"""Locking on to cycles of any shape: one cycle's angular velocity as a template."""
+"""Locking on to cycles of any shape: the speed along and across the motion axis over one cycle as a template."""
 
 from __future__ import annotations
 
@@ -14,15 +14,38 @@ _ROUNDS = 3
 _SEARCH_PERIODS = 0.15
 
 
-def locked_cycles(omega: FloatArray, period: int) -> IntArray:
+def axis_speeds(omega: FloatArray, angle: FloatArray, rate_hz: float) -> FloatArray:
+    """Speed along the motion axis, and across it less its mean.
+
+    Unlike ω itself, these stay the same from cycle to cycle when drift has turned the motion axis far away.
+
+    Parameters
+    ----------
+    omega
+        (m, 3) rad/s.
+    angle
+        (m + 1,) angle about the motion axis, rad.
+    rate_hz
+        Grid points per second.
+
+    Returns
+    -------
+    (m, 2) rad/s.
+    """
+    along = np.diff(angle) * rate_hz
+    across = np.sqrt(np.maximum(np.einsum("ij,ij->i", omega, omega) - along * along, 0.0))
+    return np.stack((along, across - across.mean()), axis=1)
+
+
+def locked_cycles(speeds: FloatArray, period: int) -> IntArray:
     """Find the starts of the cycles that look like the most typical one.
 
     The template begins as the cycle most like the one after it and becomes the mean of all cycles found, three times.
 
     Parameters
     ----------
-    omega
-        (m, 3) angular velocity, rad/s.
+    speeds
+        (m, k) what is compared, from :func:`axis_speeds`.
     period
         Grid intervals per cycle, at most m / 2.
 
@@ -32,22 +55,22 @@ def locked_cycles(omega: FloatArray, period: int) -> IntArray:
     """
     from scipy import signal  # slow to import
 
-    if period < 4 or len(omega) < 2 * period:
+    if period < 4 or len(speeds) < 2 * period:
         return np.empty(0, dtype=np.int64)
     # The cut between cycles falls anywhere: at both ends there may be a piece of a cycle, and rest beyond it.
-    omega = np.pad(omega, ((period, period), (0, 0)))
-    power = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", omega, omega))))
+    speeds = np.pad(speeds, ((period, period), (0, 0)))
+    power = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", speeds, speeds))))
     energy = np.maximum(power[period:] - power[:-period], 1e-300)  # of the window starting at each interval
-    products = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", omega[period:], omega[:-period]))))
+    products = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", speeds[period:], speeds[:-period]))))
     overlap = products[period:] - products[:-period]
     likeness = overlap / np.sqrt(energy[: len(overlap)] * energy[period : period + len(overlap)])
     likeness[energy[: len(overlap)] < _MIN_ENERGY_SHARE * np.median(energy)] = -1.0
     seed = int(np.argmax(likeness))
-    template = omega[seed : seed + period]
+    template = speeds[seed : seed + period]
     starts = np.empty(0, dtype=np.int64)
     for _ in range(_ROUNDS):
         own = float(np.einsum("ij,ij->", template, template))
-        match = sum(signal.oaconvolve(omega[:, k], template[::-1, k], mode="valid") for k in range(3))
+        match = sum(signal.oaconvolve(speeds[:, k], template[::-1, k], mode="valid") for k in range(speeds.shape[1]))
         likeness = np.asarray(match, dtype=np.float64) / np.sqrt(energy * own)
         likeness[energy < _MIN_ENERGY_SHARE * own] = -1.0
         padded = np.concatenate(([-2.0], likeness, [-2.0]))
@@ -55,7 +78,7 @@ def locked_cycles(omega: FloatArray, period: int) -> IntArray:
         if len(peaks) == 0:
             break
         starts = np.asarray(peaks, dtype=np.int64) - 1
-        template = np.mean([omega[start : start + period] for start in starts[:2000]], axis=0)
+        template = np.mean([speeds[start : start + period] for start in starts[:2000]], axis=0)
     return starts - period
 
 

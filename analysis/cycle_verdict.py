@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.angular_velocity import Motion
 from analysis.cycle_analysis import CycleAnalysis, CycleSettings
-from analysis.cycle_likeness import irregularity, likeness, rests, sample_noise_rad
+from analysis.cycle_likeness import irregularity, likeness, rests
 from analysis.endpoints import Samples
 from analysis.motion_axis import AxisAngle
 from analysis.period import Period
@@ -57,7 +57,7 @@ def with_verdict(
     warnings = _warnings(result, period)
     if let_go:
         warnings.append("looks like grasp-and-release trials: no drift can be claimed")
-    noise_deg = float(np.degrees(sample_noise_rad(samples.quats_wxyz)))
+    noise_deg = float(np.degrees(samples.noise_rad))
     if noise_deg > result.settings.max_noise * result.swing_deg:
         warnings.append(f"noise of {noise_deg:.2g}° per sample is large for a swing of {result.swing_deg:.3g}°")
     if samples.usual_step_s > result.settings.max_gap * result.period_s:

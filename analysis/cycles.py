@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.angular_velocity import Motion, angular_velocity, usable_rows
+from analysis.angular_velocity import Motion, angular_velocity
 from analysis.cycle_analysis import CycleAnalysis, CycleSettings, Endpoint, LeftOut, Run
-from analysis.cycle_template import locked_cycles, template_turning_points
+from analysis.cycle_template import axis_speeds, locked_cycles, template_turning_points
 from analysis.cycle_verdict import why_no_period, with_verdict
 from analysis.endpoints import Extremes, Samples, gate_ends, measure, split_runs, with_flags
 from analysis.motion_axis import AxisAngle, motion_axis
@@ -75,7 +75,8 @@ def find_cycles(
         return replace(nothing, reasons=("the object does not move",))
     active_s = (motion.start_s + first / motion.rate_hz, motion.start_s + last / motion.rate_hz)
     nothing = replace(nothing, active_s=active_s)
-    period, smooth_s = _period(motion.part(first, last), settings)
+    samples = Samples.of(series)
+    period, smooth_s = _period(motion.part(first, last), samples, settings)
     if period is None or period.confidence < settings.min_confidence:
         return replace(
             nothing,
@@ -85,17 +86,28 @@ def find_cycles(
     if window is not None:  # the travel to the first and from the last end point may lie outside the window
         margin = int(period.seconds * motion.rate_hz)
         first, last = first - margin, last + margin
-    return _with_endpoints(nothing, series, motion.part(first, last), period, smooth_s)
+    return _with_endpoints(nothing, samples, motion.part(first, last), period, smooth_s)
 
 
-def _period(motion: Motion, settings: CycleSettings) -> tuple[Period | None, float]:
-    """Find the period, smoothing ω further (by σ of the seconds returned) only where noise hides it."""
+def _period(motion: Motion, samples: Samples, settings: CycleSettings) -> tuple[Period | None, float]:
+    """Find the period, smoothing ω further (by σ of the seconds returned) only where noise hides it.
+
+    White noise of σ_q per sample, at f samples per second, leaves σ_q² / (4 √π f σ³) of variance about each axis in ω
+    after a Gaussian of σ. Where that is much of ω, ripples of the noise would be taken for cycles.
+    """
     best: tuple[Period | None, float] = (None, 0.0)
-    for sigma_s in (0.0, *settings.more_sigma_s):
+    sigmas_s = (0.0, *settings.more_sigma_s)
+    for sigma_s in sigmas_s:
+        smooth = motion.smoothed(sigma_s)
+        total_s = float(np.hypot(sigma_s, settings.sigma_s))
+        noise = 3.0 * samples.noise_rad**2 * samples.usual_step_s / (4.0 * np.sqrt(np.pi) * total_s**3)
+        power = float(np.mean(np.einsum("ij,ij->i", smooth.omega, smooth.omega)))
+        if noise > settings.max_noise_share * power and sigma_s < sigmas_s[-1]:
+            continue
         period = find_period(
-            motion.smoothed(sigma_s).omega,
+            smooth.omega,
             motion.rate_hz,
-            min_period_s=max(settings.min_period_s, 15.0 * sigma_s),
+            min_period_s=max(settings.min_period_s, settings.min_sigmas * sigma_s),
             max_period_s=settings.max_period_s,
             peak_share=settings.peak_share,
         )
@@ -115,7 +127,7 @@ def _active(motion: Motion, window: tuple[float, float] | None) -> tuple[int, in
 
 
 def _with_endpoints(
-    nothing: CycleAnalysis, series: OrientationSeries, motion: Motion, period: Period, smooth_s: float
+    nothing: CycleAnalysis, samples: Samples, motion: Motion, period: Period, smooth_s: float
 ) -> CycleAnalysis:
     settings = nothing.settings
     turning = motion_axis(motion, period.seconds, sigma_periods=settings.axis_sigma, smooth_s=smooth_s)
@@ -135,9 +147,6 @@ def _with_endpoints(
         spacing = np.concatenate([np.diff(found.points[found.upper == kind]) for kind in (True, False)])
         period = Period(float(np.median(spacing)) / motion.rate_hz, period.confidence)
         result, humps = replace(result, period_s=period.seconds), 1
-    rows = usable_rows(series.times_s)
-    times_s = series.times_s[rows]
-    samples = Samples(times_s, series.quats_wxyz[rows], series.index[rows], float(np.median(np.diff(times_s))))
     candidates = []
     for upper in (True, False):
         extremes = measure(
@@ -183,7 +192,7 @@ def _turning_points(
         return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
     if period.confidence < settings.sure_confidence and _even_swings(found, turning.angle_rad, settings):
         return found, 0
-    starts = locked_cycles(motion.omega, round(length))
+    starts = locked_cycles(axis_speeds(motion.omega, turning.angle_rad, motion.rate_hz), round(length))
     if len(starts) < 2:
         return found, 1
     humps = max(round(1.0 / float(np.median(spacing))), 1)

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis import rotations
-from analysis.angular_velocity import BoolArray
+from analysis.angular_velocity import BoolArray, usable_rows
 from analysis.cycle_analysis import CycleSettings, Endpoint, LeftOut
-from analysis.series import FloatArray, IntArray
+from analysis.cycle_likeness import sample_noise_rad
+from analysis.series import FloatArray, IntArray, OrientationSeries
 from analysis.turning_points import TurningPoints, dwell, swings
 
 
@@ -26,6 +27,16 @@ class Samples:
     """(n,) names of the samples in their source."""
     usual_step_s: float
     """Median distance between samples, s."""
+    noise_rad: float
+    """Noise of a single sample about each axis, rad."""
+
+    @staticmethod
+    def of(series: OrientationSeries) -> Samples:
+        """Take the usable samples of a recording; at least three."""
+        rows = usable_rows(series.times_s)
+        times_s, quats = series.times_s[rows], series.quats_wxyz[rows]
+        step_s = float(np.median(np.diff(times_s)))
+        return Samples(times_s, quats, series.index[rows], step_s, sample_noise_rad(quats))
 
     def bracket_s(self, time_s: float) -> float:
         """Distance between the samples around a moment, s; infinite outside the data."""
@@ -186,7 +197,9 @@ def _irregular(
     """Why the extreme at an end of a run is no end point; empty where it is one."""
     points = extremes.endpoints
     spacing = abs(points[inner].time_s - points[end].time_s) / period_s
-    inward = float(extremes.inner_swing[end, 1 if inner > end else 0])
+    outward, inward = extremes.inner_swing[end][[0, 1] if inner > end else [1, 0]].tolist()
+    if outward < settings.hysteresis:
+        return "the pose before the motion or after it"
     if points[end].dwell_s > 2.0 * usual_dwell_s + 0.25 * period_s:
         return f"idle pose, held {points[end].dwell_s:.2f} s"
     if not settings.spacing[0] <= spacing <= settings.spacing[1]:

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from collections import deque
-from statistics import median
+
+import numpy as np
 
 from analysis.cycle_analysis import Endpoint
+from analysis.series import FloatArray, IntArray
 
 _MAX_HUMPS = 3
+_KEPT = 64  # extremes that can still be sorted when the pattern is found
+_CYCLES = 4  # of the pattern, before it is believed
 _MIN_UNEVEN = 0.1
-_MAX_REPEAT = 0.3
+_MAX_REPEAT = 0.25
+_BROKEN = 0.6
 
 
 class HumpFilter:
-    """Pass one extreme per cycle where the heights of the extremes repeat in a pattern of two or three.
+    """Pass one extreme per cycle where heights or distances of the extremes repeat in a pattern of two or three.
 
-    Heights L of one hump per cycle differ by drift alone. With h humps, L_{i+h} − L_i is steady while L_{i+1} − L_i
-    is not. The highest hump (the lowest, for lower extremes) is the one that is passed, as in the offline search.
+    Heights of one hump per cycle lie on a line: drift. With h humps they lie on h parallel lines, and how far they are
+    from these must be little against how far they are from one line. The same for the distances between the extremes.
+    The highest hump (the lowest, for lower extremes) is the one that is passed, as in the offline search. A pattern
+    that breaks is given up.
 
     Parameters
     ----------
@@ -29,7 +36,7 @@ class HumpFilter:
         """Extremes of one kind per cycle, as far as known."""
         self._sign = sign
         self._number = 0
-        self._recent: deque[tuple[int, float, Endpoint]] = deque(maxlen=4 * _MAX_HUMPS)
+        self._recent: deque[tuple[int, float, Endpoint]] = deque(maxlen=_KEPT)
 
     def add(self, endpoint: Endpoint, angle_rad: float, swing_rad: float) -> tuple[list[Endpoint], bool]:
         """Take the next extreme and give what is to be passed on.
@@ -56,16 +63,28 @@ class HumpFilter:
             if self.humps > 1:
                 best = self._best()
                 return [point for number, _, point in self._recent if number % self.humps == best], True
+        elif not any(self._repeats(humps=self.humps, swing_rad=swing_rad, limit=_BROKEN)):
+            self.humps = 1
         return ([endpoint], False) if (self._number - 1) % self.humps == self._best() else ([], False)
 
     def _pattern(self, swing_rad: float) -> int:
-        heights = [height for _, height, _ in self._recent]
-        uneven = _spread(heights, 1)
         for humps in range(2, _MAX_HUMPS + 1):
-            enough = len(heights) >= 2 * humps + 2
-            if enough and uneven > _MIN_UNEVEN * swing_rad and _spread(heights, humps) < _MAX_REPEAT * uneven:
+            if len(self._recent) > _CYCLES * humps and any(self._repeats(humps, swing_rad, _MAX_REPEAT)):
                 return humps
         return 1
+
+    def _repeats(self, humps: int, swing_rad: float, limit: float) -> tuple[bool, bool]:
+        """Whether the recent heights, and the recent distances, are uneven and repeat with as many humps."""
+        last = list(self._recent)[-_CYCLES * humps - 1 :]
+        number = np.array([item[0] for item in last])
+        height = np.array([item[1] for item in last])
+        times_s = np.array([item[2].time_s for item in last])
+        usual_s = float(np.median(np.diff(times_s)))
+        result = []
+        for values, scale, at in ((height, swing_rad, number), (np.diff(times_s), usual_s, number[1:])):
+            uneven = _misfit(values, at, 1)
+            result.append(uneven > _MIN_UNEVEN * scale and _misfit(values, at, humps) < limit * uneven)
+        return result[0], result[1]
 
     def _best(self) -> int:
         """Place in the pattern of the highest hump."""
@@ -79,10 +98,9 @@ class HumpFilter:
         return max(mean, key=lambda place: mean[place])
 
 
-def _spread(heights: list[float], lag: int) -> float:
-    """Median deviation of the differences at a lag from their median: steady drift gives 0."""
-    steps = [later - earlier for earlier, later in zip(heights, heights[lag:], strict=False)]
-    if not steps:
-        return 0.0
-    middle = median(steps)
-    return median(abs(step - middle) for step in steps)
+def _misfit(values: FloatArray, number: IntArray, humps: int) -> float:
+    """Give the standard deviation of values from as many parallel lines as there are humps."""
+    place = number % humps == np.arange(humps)[:, None]
+    parts = np.concatenate((place.astype(np.float64), (number - number[0])[None, :].astype(np.float64)))
+    fit = np.linalg.lstsq(parts.T, values, rcond=None)[0]
+    return float(np.sqrt(np.sum((values - fit @ parts) ** 2) / max(len(values) - humps - 1, 1)))
