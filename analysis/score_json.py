@@ -7,6 +7,8 @@ from dataclasses import asdict
 import numpy as np
 
 from analysis import rotations
+from analysis.cycles import Run
+from analysis.drift import rotation_drift
 from analysis.trial_score import RESULT_FORMAT, Json, ScoredEndpoint, TrialScore, finite
 
 
@@ -151,11 +153,19 @@ def _cycles(score: TrialScore) -> dict[str, object]:
                 "net_rotation_deg": float(
                     np.degrees(rotations.distance(run.endpoints[-1].quat_wxyz, run.endpoints[0].quat_wxyz))
                 ),
+                "theta_bar_deg": _run_drift(run),
                 "scored": run.scored,
             }
             for run in found.runs
         ],
     }
+
+
+def _run_drift(run: Run) -> float | None:
+    """θ̄ of one run; with few steps it says little, so it is only for comparison with the run that was scored."""
+    if len(run.endpoints) < 2:
+        return None
+    return rotation_drift([point.quat_wxyz for point in run.endpoints]).theta_bar_deg
 
 
 def _published(score: TrialScore) -> dict[str, object]:

@@ -24,6 +24,8 @@ from analysis.trust import endpoint_quats, with_figures
 
 MIN_CYCLES = 3
 """Fewer cycles are refused. A cycle runs from one end point to the next: 3 cycles are 4 end points and 3 steps."""
+MAX_GAP = 0.05
+"""A chosen time between samples further apart than this is refused, periods: interpolating was wrong by up to 1.66°."""
 _GRASP_RELEASE_NAME = re.compile(r"(?:^|_)GR(?:_|\.|$)")
 _GRASP_RELEASE = "grasp-and-release trial (the object is let go and taken up again): no drift can be claimed"
 
@@ -204,11 +206,20 @@ def _chosen(series: OrientationSeries, choice: EndpointChoice) -> tuple[ScoredEn
             for k, sample in enumerate(samples)
         )
     points = []
+    usual_s = float(np.median(np.diff(choice.values))) if len(choice.values) > 1 else float("inf")
+    widest_s = max(MAX_GAP * usual_s, 3.0 * series.interval_s)
     for k, value in enumerate(choice.values):
         time_s = float(series.times_s[0]) + value
         if not 0.0 <= value <= series.duration_s:
             raise SeriesError(
                 f"end point {k + 1} at {value:g} s is outside the recording (0 to {series.duration_s:g} s)"
+            )
+        after = int(np.clip(np.searchsorted(series.times_s, time_s), 1, len(series) - 1))
+        gap_s = float(series.times_s[after] - series.times_s[after - 1])
+        if gap_s > widest_s:
+            raise SeriesError(
+                f"end point {k + 1} at {value:g} s lies in a gap of {gap_s:.3g} s in the data, where nothing is known; "
+                "leave it out or choose a sample by its number"
             )
         nearest = int(np.argmin(np.abs(series.times_s - time_s)))
         quat = orientation_at(series, time_s)

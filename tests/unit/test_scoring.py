@@ -126,6 +126,22 @@ def test_chosen_rows_may_be_set_aside_ones(trial):
     assert score_series(cut, endpoints=rows).theta_bar_deg == score_series(full, endpoints=rows).theta_bar_deg
 
 
+def test_chosen_times_inside_a_gap_are_refused(trial):
+    times = tuple(trial.endpoint_s[:5])
+    gone = np.abs(trial.series.times_s - times[2]) < 0.2
+    cut = OrientationSeries(trial.series.times_s[~gone], trial.series.quats_wxyz[~gone], trial.series.index[~gone])
+    with pytest.raises(SeriesError, match=r"end point 3 at .* lies in a gap of 0\.4"):
+        score_series(cut, endpoints=EndpointChoice("time_s", times))
+
+
+def test_every_run_is_reported():
+    score = score_series(simulate(trapezoid, cycles=14, pause_after=5, pause_s=9.0, lead_s=6.0).series)
+    runs = score.to_json()["cycles"]["runs"]
+    assert [run["scored"] for run in runs] == [False, True]
+    assert [run["theta_bar_deg"] for run in runs] == pytest.approx([0.8, 0.8], abs=0.02)
+    assert runs[1]["theta_bar_deg"] == pytest.approx(score.theta_bar_deg, abs=1e-12)
+
+
 def test_chosen_end_points_outside_the_recording(trial):
     with pytest.raises(SeriesError, match="no row 999999"):
         score_series(trial.series, endpoints=[1, 2, 3, 999999])
