@@ -18,7 +18,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="score a recording",
         description=(
             "Score a recording by the benchmark card: our own .mcap, the benchmark authors' CSV, CSV with named "
-            "columns, TUM, x-IMU3, parquet, ROS bags. The format is recognised from the content."
+            "columns, TUM, x-IMU3, parquet, ROS bags, logs of CAN tools. The format is recognised from the content."
         ),
     )
     parser.add_argument("file", type=Path, metavar="FILE", help="what to score")
@@ -31,6 +31,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--columns", metavar="SPEC", help="what the columns are: t=time,qw=w,qx=x,qy=y,qz=z")
     parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where the file has no time stamps")
     parser.add_argument("--topic", metavar="NAME", help="which topic of a bag")
+    parser.add_argument(
+        "--node", type=int, metavar="N", help="node id of the object in a CAN log; else the first heard"
+    )
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
     parser.add_argument("--as-published", action="store_true", help="also the benchmark authors' Euler figure")
 
@@ -66,6 +69,7 @@ def score_file(args: argparse.Namespace) -> TrialScore:
     from host.recorded_trial import load_trial
     from host.recording_reader import is_our_recording
     from host.result import ScoreOptions, score_plain, score_trial
+    from host.transports.can_log_kind import can_log_kind
 
     path: Path = args.file
     window = None if args.start is None and args.end is None else (args.start, args.end)
@@ -77,6 +81,10 @@ def score_file(args: argparse.Namespace) -> TrialScore:
     try:
         if is_our_recording(path):
             return score_trial(load_trial(path), options)
+        if can_log_kind(path) is not None:
+            from host.can_log_trial import load_can_log  # loads python-can
+
+            return score_trial(load_can_log(path, args.node), options)
         series = read_series(path, columns=args.columns, rate_hz=args.rate, topic=args.topic)
     except FileNotFoundError as error:
         raise FileError(f"there is no file {path}", "check the path") from error

@@ -114,7 +114,7 @@ class CanTransport(ClosingTransport):
         frames: list[CanFrame] = []
         message = self._receive(timeout_s)
         while message is not None:
-            frame = _frame(message, time.monotonic_ns())
+            frame = received_frame(message, time.monotonic_ns())
             if self._is_wanted(frame):
                 frames.append(frame)
             message = self._receive(0.0) if len(frames) < MAX_FRAMES else None
@@ -262,7 +262,8 @@ class CanTransport(ClosingTransport):
             self._send(answer)
 
 
-def _frame(message: can.Message, host_time_ns: int) -> CanFrame:
+def received_frame(message: can.Message, host_time_ns: int) -> CanFrame:
+    """Return a message of python-can as a frame received at a time."""
     flags = 0
     if message.is_extended_id:
         flags |= FrameFlag.EXTENDED

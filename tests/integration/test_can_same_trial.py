@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -13,16 +12,14 @@ from analysis.rotations import distance
 from analysis.scoring import score_series
 from emulator.links import Link as ObjectLink
 from emulator.links import open_link
-from emulator.scenario import load_scenario
-from emulator.virtual_object import VirtualObject
-from firmware_protocol.codec import encode_packet
-from firmware_protocol.packets import OrientationBatch, PacketType, Start
+from firmware_protocol.packets import OrientationBatch, PacketType
 from firmware_protocol.quantization import SMALLEST_THREE_MAX_ERROR_DEG
 from host.link import Link
 from host.recorded_trial import assemble
 from host.transports import open_transport
 from host.transports.chunks import AnyChunk
 from tests.can_link_run import LINKS
+from tests.emulated_packets import trial_packets
 
 SECONDS = 15.0
 
@@ -30,18 +27,7 @@ SECONDS = 15.0
 @pytest.fixture(scope="module")
 def packets() -> list[bytes]:
     """What the object says in a trial that is started at once."""
-    virtual = VirtualObject(load_scenario("fast"))
-    said: list[bytes] = []
-
-    def sink(offered: Sequence[bytes]) -> int:
-        said.extend(offered)
-        return len(offered)
-
-    virtual.step(0.0, sink)
-    virtual.receive(encode_packet(Start(1)), 0.0)
-    for step in range(1, int(SECONDS * 20) + 1):
-        virtual.step(step / 20, sink)
-    return said
+    return trial_packets("fast", SECONDS)
 
 
 def over(address: str, packets: list[bytes]) -> list[AnyChunk]:
