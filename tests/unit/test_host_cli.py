@@ -11,6 +11,7 @@ from host import cli
 from host.commands import COMMANDS
 from host.errors import FileError, LinkError, UsageError
 from tests.command_line import environment, one_sentence, quick_scenario, rotdrift
+from tests.recorded_trials import scenario, virtual_chunks, write_recording
 
 HEAVY = {"numpy", "scipy", "matplotlib", "can", "serial", "rich", "mcap", "construct", "plotly", "jinja2", "msgspec"}
 
@@ -198,3 +199,43 @@ def test_the_list_of_scenarios_has_a_line_each(run):
 def test_ports_is_never_an_error(run):
     assert run("ports").returncode == 0
     assert isinstance(json.loads(run("ports", "--json").stdout), list)
+
+
+def test_fewer_than_three_cycles_are_not_valid_and_say_so(run, tmp_path):
+    chunks, _ = virtual_chunks(scenario("ideal", motion={"cycles": 3}))
+    write_recording(tmp_path / "short.mcap", chunks)
+    done = run("score", "short.mcap")
+    assert done.returncode == 1
+    assert "no score: fewer than 3 cycles" in done.stdout
+    assert done.stderr == ""
+
+
+def test_a_recording_without_samples_is_not_valid(run, tmp_path):
+    write_recording(tmp_path / "empty.mcap", [])
+    done = run("score", "empty.mcap", "--json")
+    assert done.returncode == 1
+    assert "too short: 0 samples" in json.loads(done.stdout)["reasons"]
+
+
+@pytest.mark.parametrize("size", [8, 60])
+def test_a_recording_cut_in_its_header_is_one_sentence(run, tmp_path, size):
+    path = write_recording(tmp_path / "cut.mcap", [])
+    path.write_bytes(path.read_bytes()[:size])
+    for command in ("score", "replay"):
+        assert "cut.mcap" in one_sentence(run(command, "cut.mcap"), 4)
+
+
+def test_the_window_of_a_score_can_be_given(run, tmp_path):
+    chunks, truth = virtual_chunks(scenario("ideal", motion={"cycles": 8}))
+    write_recording(tmp_path / "trial.mcap", chunks)
+    times_s = [point["time_s"] for point in truth["endpoints"]]
+    done = run("score", "trial.mcap", "--from", times_s[1] - 1, "--to", times_s[6] + 1, "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["n_endpoints"] == 6
+    assert result["window"]["kind"] == "from-to"
+    numbers = ",".join(str(point["sequence"]) for point in truth["endpoints"][:5])
+    done = run("score", "trial.mcap", "--endpoints", numbers, "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["n_endpoints"] == 5
+    assert "holds nothing" in one_sentence(run("score", "trial.mcap", "--from", "900", "--to", "901"), 2)
