@@ -245,7 +245,8 @@ class CanTransport(ClosingTransport):
         if node in self.health.other_nodes:
             return
         self.health.other_nodes.add(node)
-        if self._settings.node is None and time.monotonic() - self._node_since < SETTLING_S:
+        may_ask = self._settings.node is None and not self._settings.listen_only
+        if may_ask and time.monotonic() - self._node_since < SETTLING_S:
             found = ", ".join(str(each) for each in sorted({self._node or 0, *self.health.other_nodes}))
             joint = "&" if "?" in self.name else "?"
             raise UsageError(

@@ -1,0 +1,61 @@
+"""``rotdrift ports``: CAN interfaces, and objects found by listening."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from host.cli import main
+from host.transports.can_listing import list_can_ports
+from host.transports.object_probe import objects_on
+from host.transports.serial_listing import SerialPort
+from tests.can_link_run import object_on
+
+
+def interface(root: Path, name: str, kind: int, flags: int, real: bool) -> None:
+    (root / name).mkdir(parents=True)
+    (root / name / "type").write_text(f"{kind}\n")
+    (root / name / "flags").write_text(f"{flags:#x}\n")
+    if real:
+        (root / name / "device").mkdir()
+
+
+def test_can_interfaces_are_listed_with_their_links(tmp_path: Path) -> None:
+    interface(tmp_path, "can0", 280, 0x40081, True)
+    interface(tmp_path, "vcan1", 280, 0x80, False)
+    interface(tmp_path, "eth0", 1, 0x1003, True)
+    canable = SerialPort("serial:/dev/ttyACM3", "/dev/ttyACM3", "CANable2", "16d0:117e", "1", ())
+    board = SerialPort("serial:/dev/ttyUSB0", "/dev/ttyUSB0", "board", "1a86:7523", "1", ())
+    ports = {port.link: port for port in list_can_ports([canable, board], tmp_path)}
+    assert ports["can:socketcan:can0"].state == "up"
+    assert ports["can:socketcan:vcan1"].state == "down"
+    assert "virtual" in ports["can:socketcan:vcan1"].description
+    assert "CANable 2" in ports["can:slcan:/dev/ttyACM3?bitrate=500000"].description
+    assert not any("eth0" in link or "ttyUSB0" in link for link in ports)
+
+
+def test_objects_are_found_by_listening_and_nothing_is_sent(request: pytest.FixtureRequest) -> None:
+    bus = f"can:virtual:{request.node.name}"
+    with (
+        object_on(f"{bus}?node=4") as (_, first),
+        object_on(f"{bus}?node=9"),
+        object_on("can:slcan:pty?node=3") as (uri, slcan),
+    ):
+        device = uri.partition("?")[0]
+        found = objects_on([bus, device, "can:virtual:nobody-here"], 2.5)
+        assert found == {
+            bus: [f"{bus}?node=4", f"{bus}?node=9"],
+            device: [f"{device}?node=3"],
+            "can:virtual:nobody-here": [],
+        }
+        assert first.object_end.ignored_frames == 0 or first.frames_sent > 0
+        assert slcan.receive() == []
+
+
+def test_the_command_prints_a_list_for_machines(capsys: pytest.CaptureFixture) -> None:
+    assert main(["ports", "--json"]) == 0
+    assert isinstance(json.loads(capsys.readouterr().out), list)
+    assert main(["ports", "--json", "--probe"]) == 0
+    assert all("objects" in row for row in json.loads(capsys.readouterr().out))
