@@ -116,16 +116,22 @@ class FaultInjector:
 
     # --- commands and packets ------------------------------------------------------------------------------------
 
-    def receive(self, now_s: float) -> int:
-        """Pass on the commands that have arrived; returns how many."""
-        commands = self._link.receive() if not self._unplugs else []
+    def receive(self, now_s: float) -> None:
+        """Pass on the commands that have arrived, after :meth:`step` up to now."""
+        self.obey(self.collect(), now_s)
+
+    def collect(self) -> list[bytes]:
+        """Take the commands that have arrived off the link, without doing anything with them."""
+        return self._link.receive() if not self._unplugs else []
+
+    def obey(self, commands: Sequence[bytes], now_s: float) -> None:
+        """Pass commands on to the object, after :meth:`step` up to now."""
         for command in commands:
             chance = self._settings.command_loss_probability
             if chance and self._command_rng.random() < chance:
                 self.log.add("command-loss", now_s, command_type=command[0] if command else None)
             else:
                 self._object.receive(command, now_s)
-        return len(commands)
 
     def _send(self, packets: Sequence[bytes]) -> int | None:
         """Take packets from the firmware: the sink of its queue."""

@@ -157,16 +157,24 @@ class _Bench:
         end_s = float("inf") if duration_s is None else duration_s
         started = time.monotonic()
         while not self.stop.is_set() and self.now_s < end_s:
-            self.now_s = min(time.monotonic() - started, end_s)
+            self._read_clock(started, end_s)
             self._take_live_faults()
             self.injector.step(self.now_s)
-            if self.injector.receive(self.now_s):
+            commands = self.injector.collect()
+            if commands:
+                # The clock is read again: a command must not seem to be received before it was sent.
+                self._read_clock(started, end_s)
+                self.injector.step(self.now_s)
+                self.injector.obey(commands, self.now_s)
                 self.injector.step(self.now_s)
             self.truth.refresh(self.now_s)
             self.virtual_object.firmware.prepare()
             longest_s = _RETRY_S if self.injector.backlog else _LOOK_UP_S
             wake_s = min(max(self.injector.next_due_s, self.now_s + GRANULARITY_S), self.now_s + longest_s, end_s)
             self.link.wait(wake_s - (time.monotonic() - started))
+
+    def _read_clock(self, started: float, end_s: float) -> None:
+        self.now_s = min(time.monotonic() - started, end_s)
 
     def virtual_time(self, duration_s: float | None) -> None:
         steps = 0

@@ -47,9 +47,9 @@ class Link:
 
     @property
     def damaged_frames(self) -> int:
-        """Frames that arrived but could not be used: each may have been a sample."""
+        """Frames that arrived but could not be used, whatever was wrong with them: each may have been a sample."""
         counters = self.counters
-        return counters.crc_errors + counters.malformed
+        return counters.cobs_errors + counters.crc_errors + counters.oversize + counters.malformed
 
     @property
     def problems(self) -> tuple[str, ...]:
