@@ -60,7 +60,7 @@ def locked_cycles(speeds: FloatArray, period: int) -> IntArray:
     # The cut between cycles falls anywhere: at both ends there may be a piece of a cycle, and rest beyond it.
     speeds = np.pad(speeds, ((period, period), (0, 0)))
     power = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", speeds, speeds))))
-    energy = np.maximum(power[period:] - power[:-period], 1e-300)  # of the window starting at each interval
+    energy = np.maximum(power[period:] - power[:-period], 1e-100)  # of the window starting at each interval
     products = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", speeds[period:], speeds[:-period]))))
     overlap = products[period:] - products[:-period]
     likeness = overlap / np.sqrt(energy[: len(overlap)] * energy[period : period + len(overlap)])

@@ -36,7 +36,6 @@ class _Candidate:
     runs: tuple[tuple[Endpoint, ...], ...]
     longest: int
     left_out: tuple[LeftOut, ...]
-    travel: FloatArray
 
     @property
     def endpoints(self) -> tuple[Endpoint, ...]:
@@ -211,21 +210,23 @@ def _even_swings(found: TurningPoints, angle: FloatArray, settings: CycleSetting
 def _candidate(
     extremes: Extremes, period_s: float, window: tuple[float, float] | None, settings: CycleSettings
 ) -> _Candidate:
-    runs, left_out = [], list(extremes.refused)
-    travel = []
+    runs: list[tuple[Endpoint, ...]] = []
+    left_out = list(extremes.refused)
     for piece in split_runs(extremes, period_s, settings):
         run, off = piece, list[LeftOut]()
         if window is None:
             run, off = gate_ends(extremes, piece, period_s, settings)
         else:
-            inside = [k for k in range(*piece.indices(piece.stop)) if _inside(extremes.endpoints[k], window)]
+            inside = [k for k in range(piece.start, piece.stop) if _inside(extremes.endpoints[k], window)]
             run = slice(inside[0], inside[-1] + 1) if inside else slice(0, 0)
         left_out += off
-        if run.stop > run.start:
+        if run.stop - run.start == 1:  # no cycle ends here: an idle pose, or what is left between two pauses
+            point = extremes.endpoints[run.start]
+            left_out.append(LeftOut(point.time_s, f"alone, held {point.dwell_s:.2f} s", primary=False))
+        elif run.stop > run.start:
             runs.append(with_flags(extremes, run, period_s, settings))
-            travel.append(extremes.inner_swing[run])
     longest = int(np.argmax([len(run) for run in runs])) if runs else 0
-    return _Candidate(tuple(runs), longest, tuple(left_out), travel[longest] if runs else np.empty((0, 2)))
+    return _Candidate(tuple(runs), longest, tuple(left_out))
 
 
 def _inside(point: Endpoint, window: tuple[float, float]) -> bool:

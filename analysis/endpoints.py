@@ -132,7 +132,7 @@ def measure(
         small = min(float(before[k]), float(after[k])) / settings.hysteresis  # below R where humps were passed over
         depth = settings.dwell_depth * min(swing_rad, small)
         first, last = dwell(angle, int(found.points[k]), int(bounds[k]), int(bounds[k + 2]), depth)
-        time_s = start_s + 0.5 * (first + last) * step_s
+        time_s = float(start_s + 0.5 * (first + last) * step_s)
         gap_s = samples.bracket_s(time_s)
         if gap_s > max_gap_s:
             refused.append(LeftOut(time_s, f"inside a gap of {gap_s:.3g} s in the data", primary=False))
@@ -143,7 +143,7 @@ def measure(
                 time_s=time_s,
                 index=samples.nearest(time_s),
                 quat_wxyz=samples.orientation(time_s, settings.average * period_s),
-                dwell_s=(last - first) * step_s,
+                dwell_s=float((last - first) * step_s),
                 prominence_deg=float(np.degrees(min(before[k], after[k]))),
                 flags=("gap nearby",) if stretch_s > max_gap_s else (),
             )

@@ -104,6 +104,7 @@ def swings(found: TurningPoints, angle: FloatArray) -> tuple[FloatArray, FloatAr
     starts = np.concatenate(([0], points))
     low, high = np.minimum.reduceat(angle, starts), np.maximum.reduceat(angle, starts)
     values = angle[points]
+    low[1:-1], high[1:-1] = np.minimum(low[1:-1], values[1:]), np.maximum(high[1:-1], values[1:])  # ends included
     before = np.where(found.upper, values - low[:-1], high[:-1] - values)
     after = np.where(found.upper, values - low[1:], high[1:] - values)
     return before, after
