@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis import rotations
 from analysis.series import BaselineError, FloatArray, OrientationSeries
 from analysis.still_holds import StillHold, block_orientations, measure_creep
 from analysis.uncertainty import detectable_drift_deg, heading_drift_bound_deg
@@ -26,7 +27,8 @@ MAX_RATE_DEG_PER_MIN = 30.0
 """Faster than this it is the object that turns, not the sensor's heading."""
 MIN_ALLAN_S = 60.0
 """A shorter rest makes no Allan figure."""
-_MOVE_DEG = 0.1  # a step of this size between one-second means, ten times the usual, is a touch
+_MOVE_DEG = 0.1  # a step of this size between one-second means, ten times the usual, is a touch ...
+_MAX_USUAL_MOVE_DEG = 1.0  # ... and one of this size is, however usual: an object in a moving hand moves all the time
 
 
 @dataclass(frozen=True)
@@ -181,7 +183,9 @@ def _refuse_motion(series: OrientationSeries) -> None:
             "lay it down and measure again"
         )
     off = np.linalg.norm((rates - usual) * spacing_s[:, None], axis=1)
-    limit = max(_MOVE_DEG, 10.0 * float(np.median(off)))
+    noise_deg = np.degrees(np.median(rotations.distance(series.quats_wxyz[1:], series.quats_wxyz[:-1])))
+    jitter_deg = float(noise_deg) / np.sqrt(max(len(series) / len(blocks.at_s), 1.0))
+    limit = max(_MOVE_DEG, 10.0 * jitter_deg, min(10.0 * float(np.median(off)), _MAX_USUAL_MOVE_DEG))
     if off.max() > limit:
         first = int(np.argmax(off > limit))
         raise BaselineError(

@@ -81,6 +81,27 @@ def run_capture(
     result_path = recording_path.with_suffix(".json")
     if result_path.exists():
         raise FileError(f"{result_path} exists already", "give another name with --out, or move it away")
+    outcome = record(link, recording_path, settings, screen, stop)
+    return _finish(outcome, recording_path, result_path, options)
+
+
+def record(
+    link: str, recording_path: Path, settings: CaptureSettings, screen: Screen, stop: threading.Event
+) -> CaptureOutcome:
+    """Capture one recording, without scoring it.
+
+    Parameters
+    ----------
+    link, recording_path, settings, screen, stop
+        As for :func:`run_capture`.
+
+    Raises
+    ------
+    LinkError
+        The link cannot be opened, or not a single sample came from it.
+    FileError
+        The recording exists already or cannot be written.
+    """
     transport = open_transport(link)
     try:
         wall_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
@@ -101,7 +122,7 @@ def run_capture(
         raise outcome.error or LinkError(
             f"the capture ended before the first sample ({outcome.reason})", "wait until the object streams"
         )
-    return _finish(outcome, recording_path, result_path, options)
+    return outcome
 
 
 def _finish(

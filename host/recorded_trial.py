@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis.series import OrientationSeries
@@ -46,6 +46,8 @@ class RecordedTrial:
     """The object as it last introduced itself; None for one that never answers."""
     status: Status | None
     """Its last STATUS."""
+    temperatures_c: tuple[float, ...]
+    """Sensor temperatures of its STATUS packets, in order, at most :data:`MAX_EVENTS`; NaN where it did not know."""
     events: tuple[TimedEvent, ...]
     segments: tuple[SegmentStart, ...]
     """Where the device was reset or its clock stepped, after the first."""
@@ -70,6 +72,7 @@ def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -
     link, assembler = Link(node=node), SampleAssembler()
     blocks: list[SampleBlock] = []
     events: list[TimedEvent] = []
+    temperatures_c: list[float] = []
     for chunk in coalesced(chunks):
         items = link.feed(chunk)
         blocks += assembler.feed(items, chunk.host_time_ns)
@@ -78,6 +81,8 @@ def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -
                 time_s = assembler.locate_s(item, chunk.host_time_ns)
                 if time_s is not None:
                     events.append(TimedEvent(time_s, item.kind.name, item.value))
+            elif isinstance(item, Status) and len(temperatures_c) < MAX_EVENTS:
+                temperatures_c.append(item.temperature_c)
     notes = [
         f"{segment.reason} at {segment.time_s:.1f} s: later samples are placed by the host's clock"
         for segment in assembler.segments[1:]
@@ -88,6 +93,7 @@ def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -
         counters=link.counters,
         info=assembler.info,
         status=assembler.status,
+        temperatures_c=tuple(temperatures_c),
         events=tuple(events),
         segments=tuple(assembler.segments),
         damage=(),
@@ -114,17 +120,7 @@ def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
     """
     reader = RecordingReader(path, continuation)
     trial = assemble(reader.chunks(fmt.RECEIVED), str(path), _node(reader.header))
-    return RecordedTrial(
-        series=trial.series,
-        losses=trial.losses,
-        counters=trial.counters,
-        info=trial.info,
-        status=trial.status,
-        events=trial.events,
-        segments=trial.segments,
-        damage=tuple(reader.damage),
-        header=reader.header,
-    )
+    return replace(trial, damage=tuple(reader.damage), header=reader.header)
 
 
 def _node(header: RecordingHeader) -> int | None:

@@ -10,11 +10,13 @@ COMMANDS = (
     "emulate",
     "ports",
     "capture",
+    "baseline",
     "score",
     "replay",
     "init",
     "report",
     "verify",
+    "compare",
     "convert",
 )
 """Subcommands in the order of the help."""

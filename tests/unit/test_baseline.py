@@ -109,6 +109,15 @@ def test_turning_is_refused():
         measure_baseline(simulate(cosine).series)
 
 
+@pytest.mark.parametrize(("swing_deg", "period_s"), [(40.0, 4.0), (2.0, 4.0), (10.0, 15.0), (40.0, 0.8)])
+def test_turning_to_and_fro_is_refused(swing_deg, period_s):
+    times = np.arange(4600) / 100.0
+    angle = 0.5 * np.radians(swing_deg) * np.cos(2.0 * np.pi * times / period_s)
+    poses = Rotation.from_rotvec(np.outer(angle, [1.0, 0.0, 0.0])) * BODY
+    with pytest.raises(BaselineError, match="move|turn"):
+        measure_baseline(OrientationSeries(times, poses.as_quat(scalar_first=True), np.arange(len(times))))
+
+
 def test_detectable_drift_equals_what_resting_objects_score():
     # The same model, played through the real score: a resting object cut every 4 s.
     from analysis.drift import rotation_drift

@@ -1,0 +1,191 @@
+"""``rotdrift baseline``: measure the sensor at rest, so that a score can carry the sensor's own share."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from analysis.baseline import StaticBaseline
+    from analysis.series import OrientationSeries
+
+DEFAULT_DURATION_S = 60.0
+PERIODS_S = (2.0, 5.0, 10.0)
+"""Cycle lengths for which the sensor's share is shown; a trial shows its own."""
+CYCLES_SHOWN = 10
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand and its arguments."""
+    parser = subparsers.add_parser(
+        "baseline",
+        help="measure the sensor at rest",
+        description=(
+            "Put the object on a table and do not touch it: its heading drift and noise are measured, from a link or "
+            "from a recording, and written to a small TOML file that `score`, `capture` and `report` take with "
+            "--baseline."
+        ),
+        epilog="example: rotdrift baseline serial:/dev/ttyACM0 --duration 120 --out imu.baseline.toml",
+    )
+    parser.add_argument("source", metavar="LINK|FILE", help="link to the object, or a recording of it at rest")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: print only)")
+    parser.add_argument(
+        "--duration", type=_seconds, metavar="S", help=f"how long to listen (default: {DEFAULT_DURATION_S:.0f} s)"
+    )
+    parser.add_argument("--columns", metavar="SPEC", help="what the columns of FILE are: t=time,qw=w,qx=x,qy=y,qz=z")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where FILE has no time stamps")
+    parser.add_argument("--topic", metavar="NAME", help="which topic of a bag")
+    parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, print, write.
+
+    Raises
+    ------
+    HostError
+        Too short, or the object moved: no baseline.
+    FileError
+        FILE is no recording; or --out exists.
+    LinkError
+        The link cannot be opened, or nothing came from it.
+    """
+    from analysis.baseline import measure_baseline
+    from analysis.baseline_file import save_baseline
+    from analysis.series import BaselineError
+    from host.errors import FileError, HostError
+
+    if args.out is not None and args.out.exists():
+        raise FileError(f"{args.out} exists already", "give another name with --out, or move it away")
+    path = Path(args.source)
+    series, temperatures_c = _from_file(path, args) if _is_recording(path) else _from_link(args)
+    try:
+        baseline = measure_baseline(series, temperatures_c)
+    except BaselineError as error:
+        raise HostError(str(error), "leave the object alone for longer and measure again") from error
+    if args.json:
+        import dataclasses
+        import json
+
+        sys.stdout.write(json.dumps(dataclasses.asdict(baseline), indent=2, allow_nan=False) + "\n")
+    else:
+        _print(baseline)
+    if args.out is not None:
+        try:
+            save_baseline(baseline, args.out)
+        except OSError as error:
+            raise FileError(f"{args.out} cannot be written ({(error.strerror or str(error)).lower()})") from error
+        if not args.json:
+            sys.stdout.write(f"baseline   {args.out}\n")
+    return 0
+
+
+def _is_recording(path: Path) -> bool:
+    """Tell a recording from a device: a regular file, or the folder of a bag."""
+    return path.is_file() or path.is_dir()
+
+
+def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
+    from analysis.readers import read_series
+    from analysis.series import AnalysisError
+    from host.errors import FileError
+    from host.recorded_trial import load_trial
+    from host.recording_reader import is_our_recording
+
+    try:
+        if path.is_file() and is_our_recording(path):
+            trial = load_trial(path)
+            return trial.series, trial.temperatures_c
+        return read_series(path, columns=args.columns, rate_hz=args.rate, topic=args.topic), ()
+    except AnalysisError as error:
+        raise FileError(str(error)) from error
+    except OSError as error:
+        raise FileError(f"{path} cannot be read ({(error.strerror or str(error)).lower()})") from error
+
+
+def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
+    import tempfile
+
+    from analysis.series import SeriesError
+    from host.capture import CaptureSettings
+    from host.capture_run import record
+    from host.errors import LinkError
+    from host.recorded_trial import load_trial
+    from host.screen import QuietScreen
+    from host.stop_signals import StopSignals
+
+    duration_s = args.duration or DEFAULT_DURATION_S
+
+    class Patience(QuietScreen):
+        def start(self) -> None:  # the link is open
+            sys.stderr.write(f"leave the object alone for {duration_s:.0f} s; Ctrl-C ends it early\n")
+
+    with tempfile.TemporaryDirectory(prefix="rotdrift-") as folder, StopSignals() as signals:
+        recording = Path(folder) / "rest.mcap"
+        settings = CaptureSettings(duration_s=duration_s)
+        outcome = record(args.source, recording, settings, Patience(), signals.stop)
+        if outcome.error is not None:
+            raise outcome.error
+        try:
+            trial = load_trial(recording, outcome.unwritten)
+        except SeriesError as error:
+            raise LinkError(f"what {args.source} sent makes no baseline ({error})", "look at the link") from error
+    from dataclasses import replace
+
+    return replace(trial.series, source=args.source), trial.temperatures_c
+
+
+def _print(baseline: StaticBaseline) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    from host.plain_text import plain
+
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(overflow="fold")
+    rates = ", ".join(
+        f"{axis} {rate:+.3f} ± {error:.3f}"
+        for axis, rate, error in zip("xyz", baseline.rate_deg_per_min, baseline.rate_error_deg_per_min, strict=True)
+    )
+    rows = [
+        ("per axis", f"{rates} °/min (world frame, ± standard error)"),
+        ("noise", f"{baseline.noise_deg:.4f}° per sample (root mean square)"),
+        ("measured", f"{baseline.duration_s:.1f} s at rest, {baseline.n_samples} samples"),
+    ]
+    if baseline.temperature_c is not None:
+        low, high = baseline.temperature_c
+        rows.append(("sensor", f"{low:.1f} to {high:.1f} °C"))
+    if baseline.allan:
+        best = min(baseline.allan, key=lambda point: point.deviation_deg_per_min)
+        rows.append(
+            ("stability", f"Allan deviation of the rate {best.deviation_deg_per_min:.3f} °/min at {best.tau_s:.0f} s")
+        )
+    for period_s in PERIODS_S:
+        rows.append(
+            (
+                f"{period_s:.0f} s cycles",
+                f"the sensor adds up to {baseline.per_cycle_deg(period_s):.4f}° per cycle; smallest drift to be told "
+                f"from it in {CYCLES_SHOWN} cycles: {baseline.detectable_deg(period_s, CYCLES_SHOWN + 1):.4f}°",
+            )
+        )
+    rows += [("note", plain(note, 300)) for note in baseline.notes]
+    for name, value in rows:
+        grid.add_row(Text(name), Text(value))
+    console = Console(highlight=False)
+    console.print(Text(f"heading drift {baseline.total_rate_deg_per_min:.3f} °/min at rest", style="bold"))
+    console.print(grid)
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1e6:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time in seconds above 0")
+    return value
