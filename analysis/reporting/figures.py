@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from analysis import rotations
@@ -22,15 +22,43 @@ MAX_LINE_POINTS = 6000
 """A line over time is thinned to its extremes in half as many stretches: what a column of print can show."""
 
 
+def summary_figure(series: OrientationSeries, result: dict[str, Any], title: str) -> Figure:
+    """Draw one trial on one page: rotation over time, steps, and how much θ̄ depends on choices.
+
+    Parameters
+    ----------
+    series
+        The recording.
+    result
+        Its score as JSON values.
+    title
+        Above it all, e.g. θ̄ and the name of the file.
+    """
+    upper_in, lower_in = 2.1, max(1.9, _sensitivity_height_in(result))
+    figure = look.new_figure(0.3 + upper_in + lower_in, width_in=2.0 * look.COLUMN_IN)
+    figure.suptitle(look.drawable(title), fontsize=8.5)
+    upper, lower = figure.subfigures(2, 1, height_ratios=[upper_in, lower_in])
+    left, right = lower.subfigures(1, 2)
+    _draw_rotation(upper, series, result)
+    _draw_steps(left, result)
+    _draw_sensitivity(right, result)
+    return figure
+
+
 def rotation_figure(series: OrientationSeries, result: dict[str, Any]) -> Figure:
     """Draw the angle about the motion axis over time, with window and numbered end points."""
+    figure = look.new_figure(2.1)
+    _draw_rotation(figure, series, result)
+    return figure
+
+
+def _draw_rotation(figure: FigureBase, series: OrientationSeries, result: dict[str, Any]) -> None:
     view = ResultView.of(result)
     angle_deg, axis = turn_about_axis(series, view.motion_axis)
     times_s, _ = endpoint_arrays(result)
     at_endpoints = np.interp(times_s, series.times_s, angle_deg)
     origin = at_endpoints[0] if len(at_endpoints) else 0.0
     start_s = float(series.times_s[0])
-    figure = look.new_figure(2.1)
     ax = figure.subplots()
     if view.window_s is not None:
         ax.axvspan(
@@ -72,13 +100,17 @@ def rotation_figure(series: OrientationSeries, result: dict[str, Any]) -> Figure
     named = ", ".join(f"{part:+.2f}" for part in axis)
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.5)
     ax.set_title(f"motion axis ({named}), world frame", fontsize=6.5, color=look.GREY, loc="right", pad=2)
-    return figure
 
 
 def steps_figure(result: dict[str, Any]) -> Figure:
     """Draw the step angle of every cycle, with θ̄ and its interval."""
-    view = ResultView.of(result)
     figure = look.new_figure(1.9)
+    _draw_steps(figure, result)
+    return figure
+
+
+def _draw_steps(figure: FigureBase, result: dict[str, Any]) -> None:
+    view = ResultView.of(result)
     ax = figure.subplots()
     numbers = np.arange(1, len(view.steps_deg) + 1)
     flagged = np.array([bool(flags) for flags in view.step_flags], dtype=bool)
@@ -106,7 +138,6 @@ def steps_figure(result: dict[str, Any]) -> Figure:
     ax.set_xlabel("cycle")
     ax.set_ylabel("step angle (°)")
     figure.legend(loc="outside upper center", ncols=2, handlelength=1.5)
-    return figure
 
 
 def drift_figure(result: dict[str, Any]) -> Figure:
@@ -153,11 +184,20 @@ def drift_figure(result: dict[str, Any]) -> Figure:
     return figure
 
 
+def _sensitivity_height_in(result: dict[str, Any]) -> float:
+    return 0.55 + 0.2 * max(len(ResultView.of(result).sensitivity()), 3)
+
+
 def sensitivity_figure(result: dict[str, Any]) -> Figure:
     """Draw θ̄ beside what it would be with other choices: ends left out, each cycle left out, other extreme, phase."""
+    figure = look.new_figure(_sensitivity_height_in(result))
+    _draw_sensitivity(figure, result)
+    return figure
+
+
+def _draw_sensitivity(figure: FigureBase, result: dict[str, Any]) -> None:
     view = ResultView.of(result)
     rows = view.sensitivity()
-    figure = look.new_figure(0.55 + 0.2 * max(len(rows), 3))
     ax = figure.subplots()
     for place, row in enumerate(rows):
         if row.low != row.high:
@@ -179,7 +219,6 @@ def sensitivity_figure(result: dict[str, Any]) -> Figure:
     ax.grid(axis="x", color=look.LIGHT, lw=0.4)
     ax.set_axisbelow(True)
     ax.set_xlabel("θ̄ (°)")
-    return figure
 
 
 def link_figure(series: OrientationSeries, losses: dict[str, Any] | None = None) -> Figure:

@@ -125,7 +125,7 @@ def summary_markdown(rows: Sequence[PooledFigure]) -> str:
     lines = ["| " + " | ".join(COLUMNS) + " |", "|---|---|---|---:|---:|---:|---:|"]
     for row in rows:
         cells = [_escaped(cell, "\\`*_{}[]<>#|", "\\") for cell in (row.hand, row.object, row.motion)]
-        lines.append("| " + " | ".join([*cells, *_figures(row)]) + " |")
+        lines.append("| " + " | ".join([*cells, *figure_cells(row)]) + " |")
     return "\n".join(lines) + "\n"
 
 
@@ -141,12 +141,13 @@ def summary_latex(rows: Sequence[PooledFigure]) -> str:
     ]
     for row in rows:
         cells = [_latex(cell) for cell in (row.hand, row.object, row.motion)]
-        figures = [figure.replace("…", "--").replace("—", "---") for figure in _figures(row)]
+        figures = [figure.replace("…", "--").replace("—", "---") for figure in figure_cells(row)]
         lines.append(" & ".join([*cells, *figures]) + " \\\\")
     return "\n".join([*lines, "\\bottomrule", "\\end{tabular}"]) + "\n"
 
 
-def _figures(row: PooledFigure) -> tuple[str, str, str, str]:
+def figure_cells(row: PooledFigure) -> tuple[str, str, str, str]:
+    """Write mean, interval, range and number of trials of a row; an em dash where there is none."""
     mean = "—" if row.mean_deg is None else f"{row.mean_deg:.3f}"
     ends = "—" if row.interval_deg is None else f"{row.interval_deg[0]:.3f} … {row.interval_deg[1]:.3f}"
     spread = "—" if row.min_deg is None or row.n_valid < 2 else f"{row.min_deg:.3f} … {row.max_deg:.3f}"

@@ -1,0 +1,205 @@
+"""Results side by side: which may stand in one table, which differences are larger than their uncertainty, the plot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from matplotlib.figure import Figure
+
+from analysis.reporting import figure_style as look
+from analysis.reporting.errors import ComparisonError
+from analysis.reporting.summary import PooledFigure, TrialFigure, pool
+
+
+@dataclass(frozen=True)
+class ComparedSource:
+    """One submission or result, as far as comparing needs it."""
+
+    name: str
+    """How to call it."""
+    rules: tuple[tuple[str, str], ...]
+    """What decides the number: card, score version, conventions; (name, value)."""
+    trials: tuple[TrialFigure, ...]
+    """Its trials."""
+    note: str = ""
+    """What to say about it, e.g. that it is incomplete."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Two hands with the same object and motion."""
+
+    object: str
+    motion: str
+    one: str
+    """The hand that drifts more."""
+    other: str
+    """The hand that drifts less."""
+    difference_deg: float
+    """θ̄ of one minus θ̄ of other, ≥ 0."""
+    uncertainty_deg: float | None
+    """95 % half-width of the difference: root of the sum of squares of the half-widths that face each other."""
+
+    @property
+    def larger(self) -> bool | None:
+        """Whether the difference is larger than its uncertainty; None where that is not known."""
+        return None if self.uncertainty_deg is None else self.difference_deg > self.uncertainty_deg
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Everything compared."""
+
+    rows: tuple[PooledFigure, ...]
+    """Hand, object, motion, pooled within each source."""
+    differences: tuple[Difference, ...]
+    """All pairs of hands with the same object and motion."""
+    notes: tuple[str, ...]
+    """What to keep in mind: mixed rules, incomplete submissions."""
+
+
+def compare(sources: Sequence[ComparedSource], *, mix: bool = False) -> Comparison:
+    """Put results side by side.
+
+    Parameters
+    ----------
+    sources
+        Submissions and results. Repeats are pooled within a source; the same hand in two sources stays two rows, each
+        with the name of its source.
+    mix
+        Whether results made by different rules may stand in one table; the notes then say so.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    ComparisonError
+        Rules differ and ``mix`` is not set: names which, where.
+    """
+    notes = [f"{source.name}: {source.note}" for source in sources if source.note]
+    mixed = _mixed(sources)
+    if mixed and not mix:
+        raise ComparisonError("; ".join(mixed))
+    notes += [f"MIXED: {line}" for line in mixed]
+    keys: dict[tuple[str, str, str], set[int]] = {}
+    for place, source in enumerate(sources):
+        for trial in source.trials:
+            keys.setdefault((trial.hand, trial.object, trial.motion), set()).add(place)
+    rows: list[PooledFigure] = []
+    for source in sources:
+        for row in pool(source.trials):
+            several = len(keys[row.hand, row.object, row.motion]) > 1
+            rows.append(replace(row, hand=f"{row.hand} [{source.name}]") if several else row)
+    rows.sort(key=lambda row: (row.object, row.motion, row.hand))
+    return Comparison(tuple(rows), tuple(_differences(rows)), tuple(notes))
+
+
+def _mixed(sources: Sequence[ComparedSource]) -> list[str]:
+    found = []
+    names = dict.fromkeys(name for source in sources for name, _ in source.rules)
+    for name in names:
+        values: dict[str, list[str]] = {}
+        for source in sources:
+            values.setdefault(dict(source.rules).get(name, "not said"), []).append(source.name)
+        if len(values) > 1:
+            said = ", ".join(f"'{value}' in {' and '.join(where)}" for value, where in values.items())
+            found.append(f"{name} is {said}")
+    return found
+
+
+def _differences(rows: Sequence[PooledFigure]) -> list[Difference]:
+    found = []
+    for place, first in enumerate(rows):
+        for second in rows[place + 1 :]:
+            if (first.object, first.motion) != (second.object, second.motion):
+                continue
+            if first.mean_deg is None or second.mean_deg is None:
+                continue
+            more, less = (first, second) if first.mean_deg >= second.mean_deg else (second, first)
+            assert more.mean_deg is not None
+            assert less.mean_deg is not None
+            uncertainty = None
+            if more.interval_deg is not None and less.interval_deg is not None:
+                uncertainty = math.hypot(more.mean_deg - more.interval_deg[0], less.interval_deg[1] - less.mean_deg)
+            found.append(
+                Difference(first.object, first.motion, more.hand, less.hand, more.mean_deg - less.mean_deg, uncertainty)
+            )
+    return found
+
+
+def compare_figures(rows: Sequence[PooledFigure], whole: Comparison) -> Comparison:
+    """Take some rows out of a comparison, with every difference that has to do with them.
+
+    Parameters
+    ----------
+    rows
+        Which.
+    whole
+        Where they come from.
+    """
+    hands = {(row.object, row.motion, row.hand) for row in rows}
+    kept = [
+        difference
+        for difference in whole.differences
+        if {(difference.object, difference.motion, hand) for hand in (difference.one, difference.other)} & hands
+    ]
+    return replace(whole, rows=tuple(rows), differences=tuple(kept))
+
+
+def difference_text(difference: Difference) -> str:
+    """Write a difference as a sentence."""
+    size = f"{difference.one} drifts {difference.difference_deg:.3f}° per cycle more than {difference.other}"
+    if difference.uncertainty_deg is None:
+        verdict = "no interval: whether that is more than chance is not known"
+    else:
+        relation = "larger than" if difference.larger else "within"
+        verdict = f"{relation} the uncertainty of ±{difference.uncertainty_deg:.3f}°"
+    return f"{difference.object}, {difference.motion}: {size}; {verdict}"
+
+
+def forest_figure(rows: Sequence[PooledFigure]) -> Figure:
+    """Draw θ̄ of every row with its interval, grouped by object and motion.
+
+    Parameters
+    ----------
+    rows
+        As :func:`compare` gives them; call inside :func:`analysis.reporting.figure_style.style`.
+    """
+    groups = list(dict.fromkeys((row.object, row.motion) for row in rows))
+    figure = look.new_figure(0.9 + 0.21 * (len(rows) + len(groups)), 6.0)
+    ax = figure.subplots()
+    y, ticks, labels = 0.0, [], []
+    for group in groups:
+        ax.text(
+            0.0, y, look.drawable(f"{group[0]} · {group[1]}"), transform=ax.get_yaxis_transform(), va="center",
+            weight="bold", fontsize=7, bbox={"fc": "white", "ec": "none", "pad": 1.0},
+        )  # fmt: skip
+        y += 1.0
+        for row in (row for row in rows if (row.object, row.motion) == group):
+            ticks.append(y)
+            labels.append(look.drawable(row.hand))
+            if row.mean_deg is None:
+                text = "no score"
+            else:
+                if row.interval_deg is not None:
+                    ax.plot(row.interval_deg, [y, y], "-", color=look.BLUE, lw=1.8, solid_capstyle="butt")
+                ax.plot(row.mean_deg, y, "s", color=look.VERMILION, ms=4.5, mec="white", mew=0.4)
+                ends = "" if row.interval_deg is None else f" ({row.interval_deg[0]:.3f} … {row.interval_deg[1]:.3f})"
+                text = f"{row.mean_deg:.3f}{ends}, n = {row.n_valid}"
+            ax.annotate(
+                text, (1.01, y), xycoords=("axes fraction", "data"), va="center", fontsize=6.5, annotation_clip=False
+            )
+            y += 1.0
+    ax.set_yticks(ticks, labels)
+    ax.set_ylim(y - 0.4, -0.6)
+    ax.set_xlim(left=0.0)
+    ax.grid(axis="x", color=look.LIGHT, lw=0.4)
+    ax.set_axisbelow(True)
+    ax.spines["left"].set_visible(False)
+    ax.tick_params(axis="y", length=0)
+    ax.set_xlabel("θ̄ (° per cycle), 95 % interval; further left is better; n = trials")
+    return figure

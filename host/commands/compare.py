@@ -1,0 +1,95 @@
+"""``rotdrift compare``: results of several hands, objects, motions and laboratories side by side."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from analysis.reporting.comparison import Comparison
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand and its arguments."""
+    parser = subparsers.add_parser(
+        "compare",
+        help="put submissions side by side: table, forest plot, static site",
+        description=(
+            "Compare submissions (.zip), results of `rotdrift score --json` (.json), or folders of them. Without "
+            "--out\n"
+            "the table is printed as Markdown. --out NAME.csv, .md, .tex, .html, .svg, .png or .pdf (forest "
+            "plot), or a\n"
+            "folder: a static site with one page per hand and one per object."
+        ),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("sources", nargs="+", type=Path, metavar="BUNDLE|RESULT", help="what to compare")
+    parser.add_argument("--out", type=Path, metavar="FILE|FOLDER", help="what to write")
+    parser.add_argument("--mix", action="store_true", help="compare even what was made by different rules, and say so")
+    parser.add_argument("--force", action="store_true", help="replace files that exist")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compare.
+
+    Raises
+    ------
+    UsageError
+        Results made by different rules, without --mix.
+    FileError
+        A file cannot be read or written.
+    """
+    from analysis.reporting.comparison import compare, difference_text
+    from analysis.reporting.errors import ComparisonError
+    from analysis.reporting.summary import summary_markdown
+    from host.comparison_sources import load_sources
+    from host.errors import FileError, UsageError
+
+    try:
+        comparison = compare(load_sources(args.sources), mix=args.mix)
+    except ComparisonError as error:
+        raise UsageError(
+            f"these results do not follow the same rules ({error})", "compare them all the same with --mix"
+        ) from error
+    if args.out is None:
+        lines = [summary_markdown(comparison.rows).rstrip("\n"), ""]
+        lines += [difference_text(difference) for difference in comparison.differences]
+        sys.stdout.write("\n".join([*lines, *comparison.notes]) + "\n")
+        return 0
+    files = _files(args.out, comparison)
+    try:
+        for path in files:
+            if path.exists() and not args.force:
+                raise FileError(f"{path} exists already", "give another name, or replace it with --force")
+        for path, content in files.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+    except OSError as error:
+        raise FileError(f"{args.out} cannot be written ({(error.strerror or str(error)).lower()})") from error
+    for note in comparison.notes:
+        sys.stderr.write(f"rotdrift: {note}\n")
+    what = f"{len(files)} files, begin with index.html" if len(files) > 1 else f"{len(comparison.rows)} rows"
+    sys.stdout.write(f"wrote {args.out}: {what}\n")
+    return 0
+
+
+def _files(out: Path, comparison: Comparison) -> dict[Path, bytes]:
+    from analysis.reporting import figure_style as look
+    from analysis.reporting.comparison import forest_figure
+    from analysis.reporting.site import comparison_html, site_files
+    from analysis.reporting.summary import summary_csv, summary_latex, summary_markdown
+    from host.version import VERSION
+
+    kind = out.suffix.lower()
+    texts = {".csv": summary_csv, ".md": summary_markdown, ".tex": summary_latex}
+    if kind in texts:
+        return {out: texts[kind](comparison.rows).encode()}
+    if kind == ".html":
+        return {out: comparison_html(comparison, VERSION).encode()}
+    if kind in {".svg", ".png", ".pdf"}:
+        with look.style():
+            figure = forest_figure(comparison.rows)
+        return {out: look.figure_bytes(figure, kind[1:])}
+    return {out / name: content for name, content in site_files(comparison, VERSION).items()}

@@ -1,0 +1,159 @@
+"""Comparison: what may stand in one table, which differences count, tables, forest plot and site."""
+
+import html.parser
+import json
+from typing import ClassVar
+
+import pytest
+
+from analysis.reporting import figure_style as look
+from analysis.reporting.bundle import bundle_bytes
+from analysis.reporting.comparison import ComparedSource, compare, difference_text, forest_figure
+from analysis.reporting.errors import ComparisonError
+from analysis.reporting.site import comparison_html, site_files
+from analysis.reporting.summary import TrialFigure, pool, summary_csv, summary_latex, summary_markdown
+from host.cli import main
+
+RULES = (("card", "V1.0"), ("score version", "1"))
+
+
+def trial(hand, theta, ends=None, thing="cube", motion="roll"):
+    return TrialFigure(hand, thing, motion, theta, ends)
+
+
+def source(name, *trials, rules=RULES, note=""):
+    return ComparedSource(name, rules, trials, note)
+
+
+def test_the_interval_of_repeats_is_the_t_interval_of_their_mean():
+    (row,) = pool([trial("A", theta, (0.0, 9.0)) for theta in (1.0, 2.0, 3.0)])
+    half = 4.302652729911275 * 1.0 / 3**0.5  # Student's t, 2 degrees of freedom, from tables
+    assert row.mean_deg == pytest.approx(2.0)
+    assert row.interval_deg == pytest.approx((max(0.0, 2.0 - half), 2.0 + half))
+    assert (row.n_valid, row.min_deg, row.max_deg, row.interval_kind) == (3, 1.0, 3.0, "between trials")
+
+
+def test_trials_without_score_are_counted_and_not_averaged():
+    (row,) = pool([trial("A", 1.0, (0.5, 1.5)), trial("A", None)])
+    assert (row.mean_deg, row.n_valid, row.n_trials, row.interval_deg) == (1.0, 1, 2, (0.5, 1.5))
+    (row,) = pool([trial("A", None)])
+    assert (row.mean_deg, row.interval_kind) == (None, "none")
+
+
+def test_only_differences_beyond_their_uncertainty_are_called_larger():
+    found = compare(
+        [source("s", trial("A", 1.0, (0.7, 1.3)), trial("B", 2.0, (1.6, 2.4)), trial("C", 1.2, (0.8, 1.6)))]
+    )
+    verdicts = {(d.one, d.other): (d.larger, d.uncertainty_deg) for d in found.differences}
+    assert verdicts["B", "A"] == (True, pytest.approx(0.5))
+    assert verdicts["C", "A"][0] is False
+    assert verdicts["B", "C"] == (True, pytest.approx(0.32**0.5))
+    assert "within the uncertainty" in "".join(map(difference_text, found.differences))
+    unknown = compare([source("s", trial("A", 1.0), trial("B", 5.0))]).differences[0]
+    assert unknown.larger is None
+    assert "not known" in difference_text(unknown)
+
+
+def test_other_objects_and_motions_are_not_compared():
+    found = compare([source("s", trial("A", 1.0), trial("B", 2.0, thing="sphere"), trial("C", 3.0, motion="pitch"))])
+    assert found.differences == ()
+
+
+def test_the_same_hand_in_two_laboratories_stays_two_rows():
+    found = compare([source("lab 1", trial("A", 1.0)), source("lab 2", trial("A", 2.0), trial("B", 3.0))])
+    assert [row.hand for row in found.rows] == ["A [lab 1]", "A [lab 2]", "B"]
+
+
+def test_mixed_rules_are_refused_or_said():
+    sources = [source("old", trial("A", 1.0), rules=(("score version", "0"),)), source("new", trial("B", 1.0))]
+    with pytest.raises(ComparisonError, match="score version is '0' in old, '1' in new"):
+        compare(sources)
+    assert any(note.startswith("MIXED: score version") for note in compare(sources, mix=True).notes)
+
+
+HOSTILE = '<script>alert(1)</script> & | $x_1$ \\ =HYPERLINK("x")'
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    return compare(
+        [source("s", trial("A", 1.0, (0.7, 1.3)), trial(HOSTILE, 2.0, (1.6, 2.4)), trial("A", None, thing=HOSTILE))]
+    )
+
+
+def test_tables_keep_foreign_text_in_its_cell(comparison):
+    markdown, latex, table = (f(comparison.rows) for f in (summary_markdown, summary_latex, summary_csv))
+    assert markdown.count("\n") == 2 + len(comparison.rows)
+    assert "\\<script\\>" in markdown
+    assert "\\textbackslash{} =HYPERLINK" in latex
+    assert "\\$x\\_1\\$" in latex
+    assert '"<script>alert(1)</script> & | $x_1$ \\ =HYPERLINK(""x"")"' in table
+
+
+def test_the_site_has_a_page_per_hand_and_object_and_only_relative_links(comparison):
+    files = site_files(comparison, "0.1.0")
+    assert files == site_files(comparison, "0.1.0")
+    pages = {name for name in files if name.endswith(".html")}
+    assert len(pages) == 1 + 2 + 2
+
+    class Links(html.parser.HTMLParser):
+        found: ClassVar[list[str]] = []
+
+        def handle_starttag(self, tag, attrs):
+            assert tag != "script"
+            self.found += [value for name, value in attrs if name in {"href", "src"}]
+
+    links = Links()
+    for name in sorted(pages):
+        links.feed(files[name].decode())
+    assert {link for link in links.found if not link.startswith("data:")} <= set(files)
+    assert pages - {"index.html"} <= set(links.found)
+
+
+def test_the_forest_plot_is_drawn_for_rows_without_score_and_odd_names(comparison):
+    with look.style():
+        figure = forest_figure(comparison.rows)
+    assert look.figure_bytes(figure, "svg").startswith(b"<?xml")
+    assert "<script>alert" not in comparison_html(comparison, "0")
+
+
+@pytest.fixture
+def bundles(tmp_path):
+    from analysis.writers.series_csv import csv_text
+    from host.cards import parse_cards
+    from host.submission import build_submission
+    from host.submission_source import TrialSource
+    from tests.scored_trials import scored
+
+    for hand, drift in (("T42", 0.3), ("NDX", 2.0)):
+        cards = parse_cards(f"[hand]\nmodel = '{hand}'\n[trial]\nmotion = 'roll'")
+        series, result = scored(cycles=6, slip_deg=0.0, drift_deg=drift)
+        built = build_submission([TrialSource("roll.csv", csv_text(series).encode(), cards)], drawings=False)
+        (tmp_path / f"{hand}.zip").write_bytes(bundle_bytes(built.files))
+    (tmp_path / "result.json").write_text(json.dumps(result))
+    return tmp_path
+
+
+def test_the_command_compares_bundles_results_and_folders(bundles, capsys):
+    assert main(["compare", str(bundles)]) == 0
+    said = capsys.readouterr().out
+    assert "NDX drifts" in said
+    assert "larger than the uncertainty" in said
+    assert "incomplete" in said
+    assert main(["compare", str(bundles / "T42.zip"), str(bundles / "NDX.zip"), "--out", str(bundles / "site")]) == 0
+    assert (bundles / "site" / "index.html").is_file()
+    assert main(["compare", str(bundles / "T42.zip"), "--out", str(bundles / "site")]) == 4
+    for name in ("t.csv", "t.md", "t.tex", "t.html", "t.svg", "t.pdf"):
+        assert main(["compare", str(bundles / "T42.zip"), "--out", str(bundles / name)]) == 0
+        assert (bundles / name).stat().st_size > 100
+
+
+def test_what_cannot_be_compared_is_said(bundles, capsys):
+    (bundles / "bad.json").write_text("[1, 2")
+    assert main(["compare", str(bundles / "bad.json")]) == 4
+    old = json.loads((bundles / "result.json").read_text())
+    (bundles / "old.json").write_text(json.dumps({**old, "format": 0}))
+    assert main(["compare", str(bundles / "old.json"), str(bundles / "T42.zip")]) == 2
+    assert "--mix" in capsys.readouterr().err
+    assert main(["compare", "--mix", str(bundles / "old.json"), str(bundles / "T42.zip")]) == 0
+    assert "MIXED" in capsys.readouterr().out
