@@ -38,7 +38,8 @@ class FinishedCapture:
 
 def default_recording(now: datetime, folder: Path = DEFAULT_FOLDER) -> Path:
     """Choose a name that does not exist yet: the date and time of the start."""
-    stem = now.strftime("%Y-%m-%d_%H-%M-%S")
+    # Milliseconds, because two captures may well be started in the same second.
+    stem = f"{now:%Y-%m-%d_%H-%M-%S}-{now.microsecond // 1000:03d}"
     for number in range(1, 1000):
         path = folder / (f"{stem}.mcap" if number == 1 else f"{stem}_{number}.mcap")
         if not path.exists() and not path.with_suffix(".json").exists():

@@ -226,11 +226,11 @@ def test_a_capture_without_a_sample_leaves_no_file(tmp_path):
 
 
 def test_names_made_up_from_the_date_do_not_collide(tmp_path):
-    now = datetime(2026, 3, 4, 5, 6, 7)
+    now = datetime(2026, 3, 4, 5, 6, 7, 89_000)
     first = capture_run.default_recording(now, tmp_path)
-    assert first.name == "2026-03-04_05-06-07.mcap"
+    assert first.name == "2026-03-04_05-06-07-089.mcap"
     first.touch()
     second = capture_run.default_recording(now, tmp_path)
-    assert second.name == "2026-03-04_05-06-07_2.mcap"
+    assert second.name == "2026-03-04_05-06-07-089_2.mcap"
     second.with_suffix(".json").touch()
-    assert capture_run.default_recording(now, tmp_path).name == "2026-03-04_05-06-07_3.mcap"
+    assert capture_run.default_recording(now, tmp_path).name == "2026-03-04_05-06-07-089_3.mcap"
