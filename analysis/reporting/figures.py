@@ -261,7 +261,7 @@ def link_figure(series: OrientationSeries, losses: dict[str, Any] | None = None)
         loc="left",
     )
     if losses:
-        counted = [f"{name.replace('_', ' ')} {value}" for name, value in losses.items() if isinstance(value, int)]
+        counted = [f"{name.replace('_', ' ')} {value}" for name, value in losses.items() if type(value) is int]
         if counted:
             figure.supxlabel(_wrapped(counted, 92), fontsize=6, color=look.GREY)
     return figure

@@ -56,8 +56,22 @@ def _cloud_scene(
         _trace("scored cycles", cloud[clouds.scored], look.BLUE, 2, clouds.times_s[clouds.scored]),
         _endpoints("end points", points, look.VERMILION, "circle", line=True),
     ]
-    axes = {f"{axis}axis": _axis(f"{name} ({unit})") for axis, name in zip("xyz", names, strict=True)}
-    return {"title": title, "data": data, "layout": _layout({**axes, "aspectmode": "data"})}
+    values = np.concatenate((cloud, points))
+    extent = np.ptp(values, axis=0)
+    largest = max(float(extent.max()), 1e-6)
+    # Equal scales on all axes; a flat cloud gets room around it, so that the box is never thinner than a sixth.
+    half = 0.53 * np.maximum(extent, largest / 6.0)
+    middle = 0.5 * (values.max(axis=0) + values.min(axis=0))
+    axes: dict[str, Any] = {}
+    for column, (axis, name) in enumerate(zip("xyz", names, strict=True)):
+        ends = [round(float(middle[column] - half[column]), 4), round(float(middle[column] + half[column]), 4)]
+        axes[f"{axis}axis"] = {**_axis(f"{name} ({unit})"), "range": ends}
+    ratio = {axis: round(float(half[column] / half.max()), 4) for column, axis in enumerate("xyz")}
+    return {
+        "title": title,
+        "data": data,
+        "layout": _layout({**axes, "aspectmode": "manual", "aspectratio": ratio}),
+    }
 
 
 def _axes_scene(clouds: Clouds) -> dict[str, Any]:
@@ -107,7 +121,7 @@ def _axis(title: str) -> dict[str, Any]:
 
 def _layout(scene: dict[str, Any]) -> dict[str, Any]:
     return {
-        "scene": {**scene, "camera": {"eye": {"x": 1.5, "y": -1.9, "z": 1.1}}},
+        "scene": {**scene, "camera": {"eye": {"x": 1.1, "y": -1.4, "z": 0.8}}},
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
         "legend": {"orientation": "h", "y": 0.02, "itemsizing": "constant"},
         "paper_bgcolor": "white",
