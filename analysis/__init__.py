@@ -1,1 +1,99 @@
-"""Arrays in, results out: orientation series, cycles, the drift score and its trust."""
+"""Arrays in, results out: orientation series, cycles, the drift score and its trust.
+
+For notebooks and other programs::
+
+    import analysis
+
+    series = analysis.load("trial.csv")
+    result = analysis.score(series)
+    result.theta_bar_deg, result.interval_deg, result.warnings
+    analysis.plot(result, series)
+
+Everything else is in the modules; these three names do not change between minor versions.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from analysis.reporting.figure_style import PaperFigure
+    from analysis.series import OrientationSeries
+    from analysis.trial_score import TrialScore
+
+__all__ = ["load", "plot", "score"]
+
+
+def load(path: str | Path, *, columns: str | None = None, rate_hz: float | None = None) -> OrientationSeries:
+    """Read a recording; the format is recognised from the content.
+
+    Parameters
+    ----------
+    path
+        The authors' CSV, CSV with named columns, TUM, x-IMU3, parquet, ROS bag, MCAP.
+    columns
+        What the columns mean, e.g. ``"t=time,qw=w,qx=x,qy=y,qz=z"`` (:mod:`analysis.readers.column_spec`).
+    rate_hz
+        Sampling rate where the file has no time stamps.
+
+    Returns
+    -------
+    OrientationSeries
+
+    Raises
+    ------
+    ReaderError
+        Not a file known here, or damaged.
+    """
+    from analysis.readers import read_series
+
+    return read_series(path, columns=columns, rate_hz=rate_hz)
+
+
+def score(series: OrientationSeries, *, window: tuple[float | None, float | None] | None = None) -> TrialScore:
+    """Score a recording by the benchmark card; see :func:`analysis.scoring.score_series` for every option.
+
+    Parameters
+    ----------
+    series
+        The recording.
+    window
+        (from, to) in s; None finds the cycles by itself.
+
+    Returns
+    -------
+    TrialScore
+        ``valid`` is False, with the reasons, where no drift can be claimed.
+    """
+    from analysis.scoring import score_series
+
+    return score_series(series, window=window)
+
+
+def plot(result: TrialScore, series: OrientationSeries, name: str = "rotation_cloud") -> PaperFigure:
+    """Draw a figure of a scored recording; a notebook shows it, ``figure.savefig`` writes it.
+
+    Parameters
+    ----------
+    result
+        From :func:`score`.
+    series
+        From :func:`load`.
+    name
+        One of ``rotation_cloud``, ``sphere``, ``translation_cloud``, ``rotation``, ``steps``, ``drift``,
+        ``sensitivity``, ``link``.
+
+    Returns
+    -------
+    PaperFigure
+        A ``matplotlib.figure.Figure``.
+
+    Raises
+    ------
+    ValueError
+        Another name, or nothing to show in it.
+    """
+    from analysis.reporting.library import draw
+
+    return draw(result, series, name)

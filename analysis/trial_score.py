@@ -173,6 +173,12 @@ class TrialScore:
 
         return score_to_json(self)
 
+    def _repr_html_(self) -> str:
+        """Show the result in a notebook."""
+        from analysis.reporting.library import result_html  # drawing is not needed to score
+
+        return result_html(dict(self.to_json()))
+
 
 def finite(value: object) -> Json:
     """Make plain JSON of results: arrays to lists, numbers that are not finite to null.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from analysis.reporting import figure_style as look
 from analysis.reporting.clouds import BODY_AXES, Clouds
@@ -13,9 +12,9 @@ from analysis.reporting.figures import numbers_shown
 from analysis.series import FloatArray
 
 
-def sphere_figure(clouds: Clouds) -> Figure:
+def sphere_figure(clouds: Clouds) -> look.PaperFigure:
     """Draw where the object's three axes point, on the unit sphere of the world frame."""
-    figure = look.new_figure(3.4, layout="none")
+    figure = look.new_figure(2.9, layout="none")
     ax: Any = figure.add_axes((0.0, 0.13, 1.0, 0.87), projection="3d", computed_zorder=False)
     _sphere(ax)
     for number, name in enumerate(BODY_AXES):
@@ -46,14 +45,14 @@ def sphere_figure(clouds: Clouds) -> Figure:
     return figure
 
 
-def rotation_cloud_figure(clouds: Clouds) -> Figure:
+def rotation_cloud_figure(clouds: Clouds) -> look.PaperFigure:
     """Draw the rotation-vector cloud in degrees, and beside it the end points alone, enlarged and numbered."""
     return _cloud_figure(
         clouds, clouds.rotvecs_deg, clouds.endpoint_rotvecs_deg, ("rx", "ry", "rz"), "°", "rotation from end point 1"
     )
 
 
-def translation_cloud_figure(clouds: Clouds) -> Figure | None:
+def translation_cloud_figure(clouds: Clouds) -> look.PaperFigure | None:
     """Draw the positions in mm in the same way; None where the recording has none."""
     if clouds.positions_mm is None or clouds.endpoint_positions_mm is None:
         return None
@@ -64,7 +63,7 @@ def translation_cloud_figure(clouds: Clouds) -> Figure | None:
 
 def _cloud_figure(
     clouds: Clouds, cloud: FloatArray, points: FloatArray, names: tuple[str, str, str], unit: str, what: str
-) -> Figure:
+) -> look.PaperFigure:
     figure = look.new_figure(4.5, layout="none")
     figure.text(0.03, 0.985, f"{what}, world frame", va="top", fontsize=7.5, weight="bold")
     whole: Any = figure.add_axes((0.02, 0.49, 0.86, 0.47), projection="3d", computed_zorder=False)

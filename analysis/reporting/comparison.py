@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from matplotlib.figure import Figure
-
 from analysis.reporting import figure_style as look
 from analysis.reporting.errors import ComparisonError
 from analysis.reporting.summary import PooledFigure, TrialFigure, pool
@@ -161,7 +159,7 @@ def difference_text(difference: Difference) -> str:
     return f"{difference.object}, {difference.motion}: {size}; {verdict}"
 
 
-def forest_figure(rows: Sequence[PooledFigure]) -> Figure:
+def forest_figure(rows: Sequence[PooledFigure]) -> look.PaperFigure:
     """Draw θ̄ of every row with its interval, grouped by object and motion.
 
     Parameters

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from matplotlib.figure import Figure
-
 from analysis.reporting import cloud_figures, figures
 from analysis.reporting import figure_style as look
 from analysis.reporting.clouds import clouds_of
@@ -70,7 +68,7 @@ def draw_figures(trial: TrialReport, formats: tuple[str, ...] = look.FORMATS) ->
     return tuple(drawn)
 
 
-def make_figure(trial: TrialReport, name: str) -> Figure | None:
+def make_figure(trial: TrialReport, name: str) -> look.PaperFigure | None:
     """Make one figure; call inside :func:`analysis.reporting.figure_style.style`.
 
     Parameters
@@ -86,7 +84,7 @@ def make_figure(trial: TrialReport, name: str) -> Figure | None:
     """
     series, result = trial.series, trial.result
     enough = len(trial.view.steps_deg) > 0
-    makers: dict[str, Callable[[], Figure | None]] = {
+    makers: dict[str, Callable[[], look.PaperFigure | None]] = {
         "rotation_cloud": lambda: cloud_figures.rotation_cloud_figure(clouds_of(series, result)),
         "sphere": lambda: cloud_figures.sphere_figure(clouds_of(series, result)),
         "translation_cloud": lambda: cloud_figures.translation_cloud_figure(clouds_of(series, result)),

@@ -62,7 +62,14 @@ def style() -> Any:  # noqa: ANN401 - matplotlib's own context manager
     return mpl.rc_context(_SETTINGS)
 
 
-def new_figure(height_in: float, width_in: float = COLUMN_IN, layout: str = "constrained") -> Figure:
+class PaperFigure(Figure):
+    """A figure that a notebook shows as it would be printed."""
+
+    def _repr_png_(self) -> bytes:
+        return figure_bytes(self, "png")
+
+
+def new_figure(height_in: float, width_in: float = COLUMN_IN, layout: str = "constrained") -> PaperFigure:
     """Make an empty figure with its own canvas.
 
     Parameters
@@ -72,7 +79,7 @@ def new_figure(height_in: float, width_in: float = COLUMN_IN, layout: str = "con
     layout
         matplotlib's layout engine, ``"constrained"`` or ``"none"``.
     """
-    figure = Figure(figsize=(width_in, height_in), layout=layout)  # type: ignore[arg-type]
+    figure = PaperFigure(figsize=(width_in, height_in), layout=layout)  # type: ignore[arg-type]
     FigureCanvasAgg(figure)
     return figure
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure, FigureBase
+from matplotlib.figure import FigureBase
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from analysis import rotations
@@ -22,7 +22,7 @@ MAX_LINE_POINTS = 6000
 """A line over time is thinned to its extremes in half as many stretches: what a column of print can show."""
 
 
-def summary_figure(series: OrientationSeries, result: dict[str, Any], title: str) -> Figure:
+def summary_figure(series: OrientationSeries, result: dict[str, Any], title: str) -> look.PaperFigure:
     """Draw one trial on one page: rotation over time, steps, and how much θ̄ depends on choices.
 
     Parameters
@@ -37,15 +37,15 @@ def summary_figure(series: OrientationSeries, result: dict[str, Any], title: str
     upper_in, lower_in = 2.1, max(1.9, _sensitivity_height_in(result))
     figure = look.new_figure(0.3 + upper_in + lower_in, width_in=2.0 * look.COLUMN_IN)
     figure.suptitle(look.drawable(title), fontsize=8.5)
-    upper, lower = figure.subfigures(2, 1, height_ratios=[upper_in, lower_in])
-    left, right = lower.subfigures(1, 2)
+    upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=[upper_in, lower_in])[:, 0]
+    left, right = lower.subfigures(1, 2, squeeze=False)[0]
     _draw_rotation(upper, series, result)
     _draw_steps(left, result)
     _draw_sensitivity(right, result)
     return figure
 
 
-def rotation_figure(series: OrientationSeries, result: dict[str, Any]) -> Figure:
+def rotation_figure(series: OrientationSeries, result: dict[str, Any]) -> look.PaperFigure:
     """Draw the angle about the motion axis over time, with window and numbered end points."""
     figure = look.new_figure(2.1)
     _draw_rotation(figure, series, result)
@@ -102,7 +102,7 @@ def _draw_rotation(figure: FigureBase, series: OrientationSeries, result: dict[s
     ax.set_title(f"motion axis ({named}), world frame", fontsize=6.5, color=look.GREY, loc="right", pad=2)
 
 
-def steps_figure(result: dict[str, Any]) -> Figure:
+def steps_figure(result: dict[str, Any]) -> look.PaperFigure:
     """Draw the step angle of every cycle, with θ̄ and its interval."""
     figure = look.new_figure(1.9)
     _draw_steps(figure, result)
@@ -140,7 +140,7 @@ def _draw_steps(figure: FigureBase, result: dict[str, Any]) -> None:
     figure.legend(loc="outside upper center", ncols=2, handlelength=1.5)
 
 
-def drift_figure(result: dict[str, Any]) -> Figure:
+def drift_figure(result: dict[str, Any]) -> look.PaperFigure:
     """Draw where the end points wander: numbered, in the plane of the largest drift, deg from the first one."""
     _, quats = endpoint_arrays(result)
     figure = look.new_figure(2.1)
@@ -188,7 +188,7 @@ def _sensitivity_height_in(result: dict[str, Any]) -> float:
     return 0.55 + 0.2 * max(len(ResultView.of(result).sensitivity()), 3)
 
 
-def sensitivity_figure(result: dict[str, Any]) -> Figure:
+def sensitivity_figure(result: dict[str, Any]) -> look.PaperFigure:
     """Draw θ̄ beside what it would be with other choices: ends left out, each cycle left out, other extreme, phase."""
     figure = look.new_figure(_sensitivity_height_in(result))
     _draw_sensitivity(figure, result)
@@ -221,7 +221,7 @@ def _draw_sensitivity(figure: FigureBase, result: dict[str, Any]) -> None:
     ax.set_xlabel("θ̄ (°)")
 
 
-def link_figure(series: OrientationSeries, losses: dict[str, Any] | None = None) -> Figure:
+def link_figure(series: OrientationSeries, losses: dict[str, Any] | None = None) -> look.PaperFigure:
     """Draw the quality of the samples: their distance over time, and where some are missing.
 
     Parameters
