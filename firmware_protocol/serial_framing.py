@@ -26,6 +26,8 @@ CRC_BYTES = 2
 CRC_INITIAL = 0xFFFF
 MAX_PACKET_BYTES = 252
 """Largest packet. With its CRC it has 254 bytes, so that COBS always adds exactly one."""
+LONE_FRAME_OVERHEAD = CRC_BYTES + 3
+"""Bytes by which a frame with both its delimiters is longer than its packet."""
 MAX_PIECE_BYTES = MAX_PACKET_BYTES + CRC_BYTES + 1
 """Longest run of bytes without a delimiter that can be a frame; also the most that is ever buffered."""
 
@@ -193,6 +195,27 @@ class FrameDecoder:
         self._skipped_bytes += counters.skipped_bytes
         self._rejected["cobs_errors"] += counters.cobs_errors
         self._rejected["crc_errors"] += counters.crc_errors
+
+    def open_lone(self, pieces: bytes) -> bytes | None:
+        """Return the packet where :meth:`complete` gave one good frame with both its delimiters, as live reads do.
+
+        None, and nothing counted, for anything else: then :meth:`unframe` takes it.
+        """
+        size = len(pieces) - 2
+        if size < 1 or pieces[0] or pieces.find(b"\0", 1) != size + 1:
+            return None
+        try:
+            data = cobs.decode(pieces[1:-1])
+        except cobs.DecodeError:
+            return None
+        packet: bytes = data[:-CRC_BYTES]
+        if size > MAX_PIECE_BYTES or size < 1 + CRC_BYTES or crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
+            return None
+        self._delimiters += 2
+        self._frames += 1
+        self._frame_bytes += size
+        self._at_start = False
+        return packet
 
     def _reject(self, cause: str, size: int, *, at_start: bool) -> None:
         self._rejected["partial_starts" if at_start else cause] += 1

@@ -22,7 +22,7 @@ from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeErro
 from firmware_protocol.packets import Command, Info, Orientation, OrientationBatch, Packet, PacketType
 from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
 from firmware_protocol.sequence import SequenceCounters, SequenceTracker
-from firmware_protocol.serial_framing import FrameCounters, FrameDecoder, encode_frame
+from firmware_protocol.serial_framing import LONE_FRAME_OVERHEAD, FrameCounters, FrameDecoder, encode_frame
 
 BATCH_BYTES = 3150
 """A feed that completes at least so many bytes of pieces decodes them together, else one by one.
@@ -35,6 +35,12 @@ Measured: at 150 ORIENTATION frames both take as long.
 _ORIENTATION = int(PacketType.ORIENTATION)
 _SAMPLE_FIELDS = struct.Struct("<HI4hB").unpack_from
 _UINT8, _UINT16, _UINT32 = np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.uint32)
+_LONE_BYTES = ORIENTATION_BYTES + LONE_FRAME_OVERHEAD
+# One allocation for the four arrays of a sample that comes alone; laid out without padding, widest first.
+_LONE_LAYOUT = struct.Struct("<4dIHB").pack
+_LONE_DTYPE = np.dtype(
+    {"names": ["q", "time", "sequence", "flags"], "formats": [("<f8", (4,)), "<u4", "<u2", "u1"], "itemsize": 39}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,15 +133,35 @@ class StreamDecoder:
         pieces = self._frames.complete(data)
         if not pieces:
             return []
-        return self._feed_few(pieces) if len(pieces) < BATCH_BYTES else self._feed_many(pieces)
+        if len(pieces) == _LONE_BYTES:
+            packet = self._frames.open_lone(pieces)
+            if packet is not None:
+                return self._feed_lone(packet)
+        if len(pieces) < BATCH_BYTES:
+            return self._feed_few(self._frames.unframe(pieces))
+        return self._feed_many(pieces)
 
-    def _feed_few(self, pieces: bytes) -> list[StreamItem]:
+    def _feed_lone(self, packet: bytes) -> list[StreamItem]:
+        """Decode a packet as long as ORIENTATION that came alone: what a live read mostly brings."""
+        if packet[0] == _ORIENTATION:
+            sequence, device_time_us, w, x, y, z, flag = _SAMPLE_FIELDS(packet, 1)
+            square = w * w + x * x + y * y + z * z
+            if Q15_MIN_SQUARE <= square <= Q15_MAX_SQUARE:
+                self._sequence.feed((sequence,))
+                self._samples += 1
+                scale = 1.0 / sqrt(square)
+                values = _LONE_LAYOUT(w * scale, x * scale, y * scale, z * scale, device_time_us, sequence, flag)
+                sample = np.ndarray(1, _LONE_DTYPE, bytearray(values))
+                return [new_batch(sample["sequence"], sample["time"], sample["q"], sample["flags"])]
+        return self._feed_few([packet])
+
+    def _feed_few(self, packets: list[bytes]) -> list[StreamItem]:
         items: list[StreamItem] = []
         sequences: list[int] = []
         times_us: list[int] = []
         components: list[float] = []
         flags: list[int] = []
-        for data in self._frames.unframe(pieces):
+        for data in packets:
             if len(data) >= ORIENTATION_BYTES and data[0] == _ORIENTATION:
                 sequence, device_time_us, w, x, y, z, flag = _SAMPLE_FIELDS(data, 1)
                 square = w * w + x * x + y * y + z * z

@@ -1,5 +1,6 @@
 """Any bytes, any chunks, any damage: the same answers as the slow decoder, and nothing undamaged is lost."""
 
+import itertools
 import random
 
 import numpy as np
@@ -84,6 +85,31 @@ def test_every_way_of_decoding_agrees_with_the_slow_one(batch_bytes, block_bytes
         patch.setattr(stream, "BATCH_BYTES", batch_bytes)
         patch.setattr(batch, "BLOCK_BYTES", block_bytes)
         fast = decode_fast(content, chunks)
+    assert_same(fast, decode_slowly(content))
+    assert_accounted(fast.counted)
+
+
+@given(data=st.data())
+@steady
+def test_frames_read_one_at_a_time_agree_with_the_slow_decoder(data):
+    """Reads that end where frames do, as live ones: good, damaged, malformed and others, the first one included."""
+    rng = random.Random(data.draw(st.integers(0, 2**32)))
+    reads = []
+    for sequence in range(data.draw(st.integers(1, 30))):
+        sample = frame(orientation(sequence, rng))
+        kind = data.draw(st.integers(0, 5))
+        if kind == 0:
+            at = data.draw(st.integers(0, len(sample) - 1))
+            sample = sample[:at] + bytes([data.draw(st.integers(0, 255))]) + sample[at + 1 :]
+        elif kind == 1:
+            sample = data.draw(st.sampled_from(odd_frames()))
+        elif kind == 2:
+            sample = data.draw(st.binary(min_size=19, max_size=19)).join([b"\0", b"\0"])
+        elif kind == 3:
+            sample = sample[1:] + b"\0"
+        reads.append(sample)
+    content = b"".join(reads)
+    fast = decode_fast(content, list(itertools.accumulate(map(len, reads))))
     assert_same(fast, decode_slowly(content))
     assert_accounted(fast.counted)
 
