@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
@@ -11,6 +12,7 @@ from rich.text import Text
 
 from analysis.trial_score import TrialScore
 from host.plain_text import plain
+from host.score_batch import BatchRow
 
 MAX_ROWS = 40
 """Longer tables show their beginning and their end."""
@@ -33,6 +35,50 @@ def render_score(score: TrialScore) -> RenderableType:
 def print_score(score: TrialScore, console: Console | None = None) -> None:
     """Print a result to standard output."""
     (console or Console(highlight=False, soft_wrap=False)).print(render_score(score))
+
+
+def render_batch(rows: Sequence[BatchRow]) -> RenderableType:
+    """Draw a table of many recordings, one line each, and below it why some have no score.
+
+    Parameters
+    ----------
+    rows : sequence of BatchRow
+        In the order to show.
+    """
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", pad_edge=False)
+    table.add_column("recording", overflow="fold")
+    for name in ("θ̄", "95 % interval", "cycles", "period", "other end", "flags", "notes"):
+        table.add_column(name, justify="right", no_wrap=True)
+    reasons = []
+    for row in rows:
+        name = plain(_tail(row.path), 200)
+        result = row.result or {}
+        for reason in (row.error,) if row.error else result.get("reasons", ()):
+            reasons.append(Text(f"{name}: {plain(str(reason), 300)}", style="yellow"))
+        theta = result.get("theta_bar_deg")
+        if theta is None:
+            table.add_row(Text(name), Text("no score", style="red"), *[""] * 6)
+            continue
+        interval = result.get("interval_deg")
+        other = (result.get("other_extreme") or {}).get("theta_bar_deg")
+        table.add_row(
+            Text(name),
+            Text(f"{theta:.3f}°", style="bold"),
+            "–" if interval is None else f"{interval[0]:.3f}° to {interval[1]:.3f}°",
+            str(result["n_endpoints"] - 1),
+            f"{result['period_s']:.2f} s",
+            "–" if other is None else f"{other:.3f}°",
+            str(sum(bool(flags) for flags in result.get("flags", ()))),
+            str(len(result.get("warnings", ()))),
+        )
+    scored = sum((row.result or {}).get("theta_bar_deg") is not None for row in rows)
+    summary = Text(f"\n{scored} of {len(rows)} recordings scored; `rotdrift score FILE` says more of one")
+    return Group(table, *reasons, summary)
+
+
+def _tail(path: Path) -> str:
+    """Name a file by its folder and name: enough to tell recordings apart."""
+    return str(Path(*path.parts[-2:]))
 
 
 def _headline(score: TrialScore) -> Text:

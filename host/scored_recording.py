@@ -1,4 +1,4 @@
-"""Any recording, ours or anybody's, read and scored: what report, convert and verify start from."""
+"""Any recording, ours or anybody's, read and scored: what score, baseline, report, convert and verify start from."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from host.errors import FileError, UsageError
 from host.recorded_trial import RecordedTrial, load_trial
 from host.recording_reader import is_our_recording
 from host.result import ScoreOptions, score_plain, score_trial
+from host.transports.can_log_kind import can_log_kind
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class ReadOptions:
     """Sampling rate where there are no time stamps."""
     topic: str | None = None
     """Which topic of a bag."""
+    node: int | None = None
+    """Node id of the object in the log of a CAN tool; None takes the first that is heard."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +65,11 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
     reading = reading or ReadOptions()
     try:
         if path.is_file() and is_our_recording(path):
-            trial = load_trial(path)
-            trial = replace(trial, series=replace(trial.series, source=path.name))
-            return trial.series, trial
+            return _named(load_trial(path), path)
+        if path.is_file() and can_log_kind(path) is not None:
+            from host.can_log_trial import load_can_log  # loads python-can
+
+            return _named(load_can_log(path, reading.node), path)
         series = read_series(path, columns=reading.columns, rate_hz=reading.rate_hz, topic=reading.topic)
     except FileNotFoundError as error:
         raise FileError(f"there is no file {path}", "check the path") from error
@@ -73,6 +78,11 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
     except AnalysisError as error:
         raise FileError(str(error)) from error
     return replace(series, source=path.name), None
+
+
+def _named(trial: RecordedTrial, path: Path) -> tuple[OrientationSeries, RecordedTrial]:
+    trial = replace(trial, series=replace(trial.series, source=path.name))
+    return trial.series, trial
 
 
 def score_recording(

@@ -89,21 +89,10 @@ def _is_recording(path: Path) -> bool:
 
 
 def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
-    from analysis.readers import read_series
-    from analysis.series import AnalysisError
-    from host.errors import FileError
-    from host.recorded_trial import load_trial
-    from host.recording_reader import is_our_recording
+    from host.scored_recording import ReadOptions, read_recording
 
-    try:
-        if path.is_file() and is_our_recording(path):
-            trial = load_trial(path)
-            return trial.series, trial.temperatures_c
-        return read_series(path, columns=args.columns, rate_hz=args.rate, topic=args.topic), ()
-    except AnalysisError as error:
-        raise FileError(str(error)) from error
-    except OSError as error:
-        raise FileError(f"{path} cannot be read ({(error.strerror or str(error)).lower()})") from error
+    series, trial = read_recording(path, ReadOptions(args.columns, args.rate, args.topic))
+    return series, () if trial is None else trial.temperatures_c
 
 
 def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:

@@ -1,4 +1,4 @@
-"""``rotdrift score``: score a recording, of ours or of anybody."""
+"""``rotdrift score``: score recordings, of ours or of anybody."""
 
 from __future__ import annotations
 
@@ -8,20 +8,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from analysis.trial_score import TrialScore
+    from host.scored_recording import ScoredRecording
+
+PLOT_FORMATS = (".png", ".svg", ".pdf")
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
     parser = subparsers.add_parser(
         "score",
-        help="score a recording",
+        help="score recordings",
         description=(
             "Score a recording by the benchmark card: our own .mcap, the benchmark authors' CSV, CSV with named "
-            "columns, TUM, x-IMU3, parquet, ROS bags, logs of CAN tools. The format is recognised from the content."
+            "columns, TUM, x-IMU3, parquet, ROS bags, logs of CAN tools. The format is recognised from the content. "
+            "Several files, or a folder, make one table, scored on all cores."
         ),
     )
-    parser.add_argument("file", type=Path, metavar="FILE", help="what to score")
+    parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="what to score; folders are searched")
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
     parser.add_argument(
         "--endpoints", metavar="ROWS|CSV", help="end points chosen by hand: 1175,1639 (rows), 12.5s,17.1s, or a CSV"
@@ -35,11 +38,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--node", type=int, metavar="N", help="node id of the object in a CAN log; else the first heard"
     )
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
+    parser.add_argument(
+        "--plot", type=Path, metavar="IMAGE", help="draw the trial: rotation, steps, sensitivity (.png, .svg or .pdf)"
+    )
     parser.add_argument("--as-published", action="store_true", help="also the benchmark authors' Euler figure")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Score one file.
+    """Score one file, or many.
 
     Raises
     ------
@@ -48,55 +54,106 @@ def run(args: argparse.Namespace) -> int:
     FileError
         Not a file that can be scored; says where and why.
     """
-    from host.result import result_text
+    from host.score_batch import expand
 
-    score = score_file(args)
+    _check_plot(args.plot)
+    files = expand(args.files)
+    if len(files) > 1 or files != args.files:
+        return _run_many(files, args)
+    scored = score_file(files[0], args)
+    score = scored.score
+    if args.plot is not None:
+        _plot(args.plot, files[0], scored)
     if args.json:
+        from host.result import result_text
+
         sys.stdout.write(result_text(score))
     else:
         from host.score_view import print_score
 
         print_score(score)
+        if args.plot is not None:
+            sys.stdout.write(f"\nplot       {args.plot}\n")
     return 0 if score.valid else 1
 
 
-def score_file(args: argparse.Namespace) -> TrialScore:
-    """Read and score what the arguments name; see :func:`run`."""
-    from analysis.endpoint_choice import parse_endpoints
-    from analysis.readers import read_series
-    from analysis.series import AnalysisError, BaselineError, ReaderError, SeriesError
-    from host.errors import FileError, UsageError
-    from host.recorded_trial import load_trial
-    from host.recording_reader import is_our_recording
-    from host.result import ScoreOptions, score_plain, score_trial
-    from host.transports.can_log_kind import can_log_kind
+def _run_many(files: list[Path], args: argparse.Namespace) -> int:
+    """Score files into one table; the exit code is that of the worst."""
+    import json
 
-    path: Path = args.file
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    from host.errors import UsageError
+    from host.score_batch import BatchRow, score_many
+    from host.score_view import render_batch
+
+    for name, value in (("--endpoints", args.endpoints), ("--plot", args.plot)):
+        if value is not None:
+            raise UsageError(f"{name} belongs to one recording, here are {len(files)}", "score that one alone")
+    console = Console(stderr=True)
+    with Progress(
+        TextColumn("scoring"), BarColumn(), MofNCompleteColumn(), console=console, transient=True,
+        disable=not console.is_terminal,
+    ) as progress:  # fmt: skip
+        bar = progress.add_task("scoring", total=len(files))
+
+        def told(_row: BatchRow) -> None:
+            progress.advance(bar)
+
+        rows = score_many(files, args, told)
+    if args.json:
+        results = [{"file": str(row.path), "error": row.error, "result": row.result} for row in rows]
+        sys.stdout.write(json.dumps({"results": results}, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    else:
+        Console(highlight=False).print(render_batch(rows))
+    return max(row.exit_code for row in rows)
+
+
+def _check_plot(path: Path | None) -> None:
+    from host.errors import FileError, UsageError
+
+    if path is None:
+        return
+    if path.suffix.lower() not in PLOT_FORMATS:
+        raise UsageError(f"{path.name} is no kind of picture known here", f"end its name in {', '.join(PLOT_FORMATS)}")
+    if path.exists():
+        raise FileError(f"{path} exists already", "give another name with --plot, or move it away")
+
+
+def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
+    """Draw a trial; a trial without a score shows its motion all the same."""
+    from analysis.reporting import figure_style
+    from analysis.reporting.figures import summary_figure
+    from host.errors import FileError
+
+    theta_deg = scored.score.theta_bar_deg
+    number = "no score" if theta_deg is None else f"θ̄ = {theta_deg:.3f}° per cycle"
+    with figure_style.style():
+        figure = summary_figure(scored.series, scored.result, f"{source.name}: {number}")
+        content = figure_style.figure_bytes(figure, path.suffix.lower().removeprefix("."))
+    try:
+        with path.open("xb") as file:
+            file.write(content)
+    except OSError as error:
+        raise FileError(f"{path} cannot be written ({(error.strerror or str(error)).lower()})") from error
+
+
+def score_file(path: Path, args: argparse.Namespace) -> ScoredRecording:
+    """Read and score one file as the arguments say; see :func:`run`."""
+    from analysis.endpoint_choice import parse_endpoints
+    from analysis.series import ReaderError
+    from host.errors import UsageError
+    from host.result import ScoreOptions
+    from host.scored_recording import ReadOptions, score_recording
+
     window = None if args.start is None and args.end is None else (args.start, args.end)
     try:
         chosen = None if args.endpoints is None else parse_endpoints(args.endpoints)
     except ReaderError as error:
         raise UsageError(str(error)) from error
-    options = ScoreOptions(window, chosen, args.baseline, args.as_published)
-    try:
-        if is_our_recording(path):
-            return score_trial(load_trial(path), options)
-        if can_log_kind(path) is not None:
-            from host.can_log_trial import load_can_log  # loads python-can
-
-            return score_trial(load_can_log(path, args.node), options)
-        series = read_series(path, columns=args.columns, rate_hz=args.rate, topic=args.topic)
-    except FileNotFoundError as error:
-        raise FileError(f"there is no file {path}", "check the path") from error
-    except OSError as error:
-        raise FileError(f"{path} cannot be read ({(error.strerror or str(error)).lower()})") from error
-    except SeriesError as error:
-        raise (UsageError if chosen or window else FileError)(str(error)) from error
-    except AnalysisError as error:
-        raise FileError(str(error)) from error
-    try:
-        return score_plain(series, options)
-    except BaselineError as error:
-        raise FileError(str(error)) from error
-    except AnalysisError as error:
-        raise UsageError(str(error), "choose end points or a window inside the recording") from error
+    return score_recording(
+        path,
+        ScoreOptions(window, chosen, args.baseline, args.as_published),
+        ReadOptions(args.columns, args.rate, args.topic, args.node),
+    )

@@ -1,0 +1,128 @@
+"""Many recordings at once: every file in a process of its own, one bad file not stopping the rest."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from host.errors import FileError, HostError, UsageError
+
+SUFFIXES = frozenset({".bag", ".csv", ".mcap", ".parquet", ".pq", ".tum", ".txt"})
+"""What is taken from a folder; the format itself is recognised from the content."""
+MAX_FILES = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class BatchRow:
+    """One recording of a batch."""
+
+    path: Path
+    result: dict[str, Any] | None
+    """The result as JSON values; None where the file could not be scored."""
+    error: str | None
+    """Why not, in one sentence."""
+    exit_code: int
+    """As if the file had been scored alone: 0, 1 (not valid), 2 or 4."""
+
+
+def expand(paths: Sequence[Path]) -> list[Path]:
+    """Replace folders by the recordings in them, at any depth, in the order of their names.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files and folders; a ROS 2 bag is a folder too, and stays one.
+
+    Raises
+    ------
+    FileError
+        A folder without recordings.
+    UsageError
+        More files than make sense.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if not path.is_dir() or _is_bag(path):
+            files.append(path)
+            continue
+        found = sorted(_inside(path))
+        if not found:
+            raise FileError(f"the folder {path} has no recordings", f"they end in {', '.join(sorted(SUFFIXES))}")
+        files += found
+        if len(files) > MAX_FILES:
+            raise UsageError(f"more than {MAX_FILES} files", "score them in parts")
+    return list(dict.fromkeys(files))
+
+
+def _inside(folder: Path) -> Iterator[Path]:
+    for root, names, files in os.walk(folder):
+        here = Path(root)
+        bags = [name for name in names if _is_bag(here / name)]
+        names[:] = [name for name in names if name not in bags and not name.startswith(".")]
+        yield from (here / name for name in bags)
+        yield from (
+            here / name
+            for name in files
+            if Path(name).suffix.lower() in SUFFIXES and not name.startswith(".") and ".endpoints." not in name
+        )
+
+
+def _is_bag(path: Path) -> bool:
+    return (path / "metadata.yaml").is_file()
+
+
+def score_many(
+    paths: Iterable[Path], args: argparse.Namespace, told: Callable[[BatchRow], None], workers: int | None = None
+) -> list[BatchRow]:
+    """Score files in parallel.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        Files, in the order of the answer.
+    args : Namespace
+        The arguments of ``rotdrift score``; those that name one file's samples are refused by the command.
+    told : callable
+        Called in this process whenever a file is done, in any order.
+    workers : int, optional
+        Processes; by default one per core.
+
+    Returns
+    -------
+    list of BatchRow
+        In the order of ``paths``.
+    """
+    paths = list(paths)
+    rows: dict[int, BatchRow] = {}
+    workers = min(workers or os.cpu_count() or 1, len(paths), 61)  # 61: what Windows can wait for
+    # A fresh interpreter each: a fork would inherit the progress bar's thread and its locks.
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        jobs = {pool.submit(score_row, path, args): number for number, path in enumerate(paths)}
+        for job in as_completed(jobs):
+            number = jobs[job]
+            try:
+                row = job.result()
+            except Exception as error:  # noqa: BLE001 - e.g. a process killed for want of memory
+                row = BatchRow(paths[number], None, f"the process that scored it ended ({error})", 4)
+            rows[number] = row
+            told(row)
+    return [rows[number] for number in range(len(paths))]
+
+
+def score_row(path: Path, args: argparse.Namespace) -> BatchRow:
+    """Score one file; whatever is wrong with it becomes part of the row."""
+    from host.commands.score import score_file
+
+    try:
+        scored = score_file(path, args)
+    except HostError as error:
+        return BatchRow(path, None, str(error), error.exit_code)
+    except Exception as error:  # noqa: BLE001 - one bad file must not stop the rest
+        return BatchRow(path, None, f"a fault of rotdrift itself ({type(error).__name__}: {error})", 4)
+    return BatchRow(path, scored.result, None, 0 if scored.score.valid else 1)
