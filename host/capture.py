@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from firmware_protocol.packets import Event, Info, Status
 from host import recording_format as fmt
@@ -41,6 +42,10 @@ class CaptureSettings:
     session: SessionSettings = SessionSettings()
     silence_limit_s: float = 30.0
     """End when the object sent nothing for so long."""
+    reconnect_s: float = 30.0
+    """How long a lost link may take to come back; 0 ends the capture at once."""
+    debug_link: Path | None = None
+    """File for everything that crosses the link, in hexadecimal; see :mod:`host.transports.link_log`."""
     linger_periods: float = 0.35
     """How long to go on after the last cycle: the offline search wants to see the way back from it."""
 
@@ -109,7 +114,7 @@ class Capture:
         self._n_chunks = 0
         self._told: set[str] = set()
         self._first_sample_ns: int | None = None
-        self._last_sample_ns = now_ns()
+        self._last_sample_ns = self._last_chunk_ns = now_ns()
         self._reached_ns: int | None = None
         self._told_ns = 0
         self._disk_ns = 0
@@ -167,6 +172,9 @@ class Capture:
     def _take(self, chunk: AnyChunk) -> None:
         self._n_chunks += 1
         self._recording.add_received(chunk)
+        if not chunk.data:
+            self._reopened(chunk.host_time_ns)
+        self._last_chunk_ns = chunk.host_time_ns
         update = self._trial.feed(chunk)
         if self._session is not None:
             self._session.feed(update.items, len(chunk.data), chunk.host_time_ns)
@@ -176,6 +184,13 @@ class Capture:
             self._last_sample_ns = chunk.host_time_ns
             if self._first_sample_ns is None:
                 self._first_sample_ns = chunk.host_time_ns
+
+    def _reopened(self, now_ns: int) -> None:
+        """Go on after the link was lost and opened again: the same recording, the same trial, a new handshake."""
+        away_s = (now_ns - self._last_chunk_ns) / 1e9
+        self._warn(f"the link was lost and is open again; nothing came for {away_s:.1f} s")
+        if self._session is not None:
+            self._session.reopened(now_ns)
 
     def _record(self, update: TrialUpdate, host_time_ns: int) -> None:
         for batch in update.decoded:
@@ -232,7 +247,7 @@ class Capture:
         session = self._session
         link = LinkView(
             name=self._transport.name,
-            connected=not self._reader.ended,
+            connected=not self._reader.ended and getattr(self._transport, "connected", True),
             one_way=session is not None and session.one_way,
             expected_rate_hz=None if session is None else session.expected_rate_hz,
             overflow_chunks=self._reader.overflow_chunks,
@@ -263,15 +278,16 @@ class Capture:
                     return f"{settings.cycles} cycles are done"
             elif self._trial.paused:
                 return "the hand rests"
-        if self._first_sample_ns is not None:
-            if settings.duration_s is not None and now_ns - self._first_sample_ns >= settings.duration_s * 1e9:
-                return f"{settings.duration_s:g} s are over"
-            if now_ns - self._last_sample_ns >= settings.silence_limit_s * 1e9:
-                self._error = LinkError(
-                    f"the object has sent no samples for {settings.silence_limit_s:.0f} s",
-                    "check its battery and cable; what came before is recorded",
-                )
-                return "the object fell silent"
+        over_ns = None if settings.duration_s is None else settings.duration_s * 1e9
+        if self._first_sample_ns is not None and over_ns is not None and now_ns - self._first_sample_ns >= over_ns:
+            return f"{settings.duration_s:g} s are over"
+        if now_ns - self._last_sample_ns >= settings.silence_limit_s * 1e9:
+            before = "what came before is recorded" if self._first_sample_ns is not None else "nothing came at all"
+            self._error = LinkError(
+                f"the object has sent no samples for {settings.silence_limit_s:.0f} s",
+                f"check its battery and cable; {before}",
+            )
+            return "the object fell silent"
         return None
 
     def _say_goodbye(self) -> None:

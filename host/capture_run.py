@@ -19,7 +19,8 @@ from host.recorded_trial import RecordedTrial, load_trial
 from host.recording import RecordingWriter
 from host.result import ScoreOptions, score_trial, write_result
 from host.screen import Screen
-from host.transports import open_transport
+from host.transports import open_lasting
+from host.transports.link_log import LinkLog
 from host.trial import Trial
 
 DEFAULT_FOLDER = Path("rotdrift-trials")
@@ -103,7 +104,9 @@ def record(
     FileError
         The recording exists already or cannot be written.
     """
-    transport = open_transport(link)
+    transport = open_lasting(link, settings.reconnect_s)
+    if settings.debug_link is not None:
+        transport = LinkLog(transport, settings.debug_link)
     try:
         wall_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
         described = {"cycles": settings.cycles, "duration_s": settings.duration_s, "rate_hz": settings.session.rate_hz}

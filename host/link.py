@@ -22,6 +22,9 @@ class PacketDecoder(Protocol):
     def counters(self) -> StreamCounters:
         """Snapshot of what was met so far."""
 
+    def restart(self) -> None:
+        """Begin anew after the link was cut; the counters go on."""
+
 
 class Link:
     """Decodes the chunks of one object's link.
@@ -57,7 +60,14 @@ class Link:
         return tuple(getattr(self._decoder, "problems", ()))
 
     def feed(self, chunk: AnyChunk) -> list[StreamItem]:
-        """Decode one chunk; what it completed, in wire order."""
+        """Decode one chunk; what it completed, in wire order.
+
+        An empty chunk (the link was opened again) ends the frame begun before.
+        """
+        if not chunk.data:
+            if self._decoder is not None:
+                self._decoder.restart()
+            return []
         if self._decoder is None:
             self._decoder = decoder_for(chunk, self._node)
         self.n_bytes += len(chunk.data)
@@ -79,8 +89,9 @@ def coalesced(
 ) -> Iterator[AnyChunk]:
     """Join neighbouring chunks, for reading a recording fast.
 
-    A chunk of one sample costs as much as one of a hundred. The packets do not depend on how the bytes are cut; the
-    time of reception becomes that of the last chunk joined, which only a clock estimate would notice.
+    A chunk of one sample costs as much as one of a hundred. Empty chunks stay by themselves. The packets do not depend
+    on how the bytes are cut; the time of reception becomes that of the last chunk joined, which only a clock estimate
+    would notice.
 
     Parameters
     ----------
@@ -95,7 +106,8 @@ def coalesced(
     size = 0
     for chunk in chunks:
         if kept and (
-            size + len(chunk.data) > max_bytes
+            not (chunk.data and kept[0].data)
+            or size + len(chunk.data) > max_bytes
             or chunk.host_time_ns - kept[0].host_time_ns > max_span_ns
             or type(chunk) is not type(kept[0])
         ):

@@ -49,6 +49,8 @@ class RecordedTrial:
     temperatures_c: tuple[float, ...]
     """Sensor temperatures of its STATUS packets, in order, at most :data:`MAX_EVENTS`; NaN where it did not know."""
     events: tuple[TimedEvent, ...]
+    reconnects: int
+    """How often the link was lost and opened again."""
     segments: tuple[SegmentStart, ...]
     """Where the device was reset or its clock stepped, after the first."""
     damage: tuple[str, ...]
@@ -73,8 +75,12 @@ def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -
     blocks: list[SampleBlock] = []
     events: list[TimedEvent] = []
     temperatures_c: list[float] = []
+    reopened = 0
     for chunk in coalesced(chunks):
         items = link.feed(chunk)
+        if not chunk.data:
+            assembler.reopened()
+            reopened += 1
         blocks += assembler.feed(items, chunk.host_time_ns)
         for item in items:
             if isinstance(item, Event) and len(events) < MAX_EVENTS:
@@ -83,6 +89,7 @@ def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -
                     events.append(TimedEvent(time_s, item.kind.name, item.value))
             elif isinstance(item, Status) and len(temperatures_c) < MAX_EVENTS:
                 temperatures_c.append(item.temperature_c)
+    blocks += assembler.release()
     notes = [
         f"{segment.reason} at {segment.time_s:.1f} s: later samples are placed by the host's clock"
         for segment in assembler.segments[1:]
@@ -95,6 +102,7 @@ def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -
         status=assembler.status,
         temperatures_c=tuple(temperatures_c),
         events=tuple(events),
+        reconnects=reopened,
         segments=tuple(assembler.segments),
         damage=(),
         header=None,

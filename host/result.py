@@ -72,6 +72,7 @@ def score_trial(
             "unknown_types": trial.counters.unknown_types,
             "skipped_bytes": trial.counters.skipped_bytes,
             "resets": max(0, len(trial.segments) - 1),
+            "reconnects": trial.reconnects,
         },
         "missing_per_cycle": missing_per_cycle(trial.series, [point.time_s for point in score.endpoints]),
         "events": [dataclasses.asdict(event) for event in trial.events],

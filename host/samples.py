@@ -24,6 +24,10 @@ from host.sequence_unwrap import SequenceUnwrapper
 IntArray = npt.NDArray[np.int64]
 FloatArray = npt.NDArray[np.float64]
 
+HELD_NS = 3_000_000_000
+"""How long samples are held back until a reopened link's object says who it is; later they are taken for its own."""
+MAX_HELD = 10_000
+"""And how many at most."""
 CONTINUES_WITHIN = 0.1
 """After a step of the device clock the numbers count on if they fit the host's time to this share (or 64 samples)."""
 
@@ -84,6 +88,23 @@ class SampleAssembler:
         self._newest_host_ns = 0
         self._index_shift = 0
         self._next_index = 0
+        self._held: list[tuple[StreamItem, int]] | None = None  # since the link was opened again, until INFO
+        self._n_held = 0
+        self._foreign = False
+
+    @property
+    def foreign(self) -> bool:
+        """Whether another object answers now; its samples are left out."""
+        return self._foreign
+
+    def reopened(self) -> None:
+        """Take note that the link was lost and opened again: another object may be there now.
+
+        An object that once said who it is must say so again; until then its samples are held back, bounded by
+        :data:`HELD_NS` and :data:`MAX_HELD`.
+        """
+        if self.info is not None and self._held is None:
+            self._held, self._n_held = [], 0
 
     def feed(self, items: Iterable[StreamItem], host_time_ns: int) -> list[SampleBlock]:
         """Take the packets of one chunk in wire order; return the new samples.
@@ -97,14 +118,31 @@ class SampleAssembler:
         """
         blocks: list[SampleBlock] = []
         for item in items:
-            if isinstance(item, OrientationBatch):
-                blocks += self._feed_batch(item, host_time_ns)
-            elif isinstance(item, Info):
-                self._feed_info(item)
-            elif isinstance(item, Status):
-                self.status = item
-                self.ledger.status(item)
+            if isinstance(item, Info):
+                blocks += self._feed_info(item)
+            elif isinstance(item, OrientationBatch | Status) and not self._foreign:
+                blocks += self._feed_item(item, host_time_ns) if self._held is None else self._hold(item, host_time_ns)
         return blocks
+
+    def _feed_item(self, item: StreamItem, host_time_ns: int) -> list[SampleBlock]:
+        if isinstance(item, OrientationBatch):
+            return self._feed_batch(item, host_time_ns)
+        if isinstance(item, Status):
+            self.status = item
+            self.ledger.status(item)
+        return []
+
+    def _hold(self, item: StreamItem, host_time_ns: int) -> list[SampleBlock]:
+        assert self._held is not None
+        self._held.append((item, host_time_ns))
+        self._n_held += len(item) if isinstance(item, OrientationBatch) else 1
+        overdue = self._n_held > MAX_HELD or host_time_ns - self._held[0][1] > HELD_NS
+        return self.release() if overdue else []
+
+    def release(self) -> list[SampleBlock]:
+        """Take samples still held back for the object's own; return them."""
+        held, self._held = self._held or [], None
+        return [block for item, host_time_ns in held for block in self._feed_item(item, host_time_ns)]
 
     def locate_s(self, event: Event, host_time_ns: int) -> float | None:
         """Place an event on the time axis; None where no sample of its segment has come."""
@@ -117,11 +155,16 @@ class SampleAssembler:
         """Give the account so far; see :meth:`LossLedger.report`."""
         return self.ledger.report(damaged_frames)
 
-    def _feed_info(self, info: Info) -> None:
+    def _feed_info(self, info: Info) -> list[SampleBlock]:
+        if self.info is not None and info.device_id != self.info.device_id:
+            self._foreign, self._held = True, None
+            return []
+        self._foreign = False
         if self.info is not None and info.boot_id != self.info.boot_id:
             self._clock.new_segment()
             self._begin_segment("the object was reset")
         self.info = info
+        return self.release()
 
     def _feed_batch(self, batch: OrientationBatch, host_time_ns: int) -> list[SampleBlock]:
         if not len(batch):

@@ -135,6 +135,7 @@ class Session:
         self._time_asked_ns = now_ns
         self._round_trips: list[RoundTrip] = []
         self._bytes_received = 0
+        self._was_there = False  # it has been captured before: how long it may be silent is not for us to say
 
     @property
     def expected_rate_hz(self) -> float | None:
@@ -186,6 +187,23 @@ class Session:
                 self._time_sent[command.command_id] = now_ns
         return [self._encode(command) for command in commands]
 
+    def reopened(self, now_ns: int) -> None:
+        """Begin anew after the link was lost and opened again: ask who is there, then start it.
+
+        An object that answers with another device id is refused; one that never answers is captured on.
+        """
+        if self.error is not None or self.phase in {Phase.STOPPING, Phase.STOPPED}:
+            return
+        self._open = None
+        self._todo.clear()
+        self._outbox.clear()
+        self._time_sent.clear()
+        self._first_sample_ns = self._asked_ns = None
+        self._start_ns = now_ns
+        self._was_there = self._last_sample_ns is not None
+        if not self.one_way:
+            self.phase = Phase.HANDSHAKE
+
     def mark(self, marker: int) -> None:
         """Put a marker into the stream of an object that listens; it comes back as EVENT."""
         if self.phase is Phase.STREAMING and not self.one_way:
@@ -215,11 +233,12 @@ class Session:
             return
         self.info = info
         self.one_way = False
-        if self.phase is Phase.HANDSHAKE or (known is not None and info.boot_id != known.boot_id):
-            if self.phase is not Phase.HANDSHAKE:
-                self.warnings.append("the object was reset during the capture")
-            if self.phase in {Phase.HANDSHAKE, Phase.STREAMING, Phase.STARTING}:
-                self._begin_start()
+        was_reset = known is not None and info.boot_id != known.boot_id
+        if was_reset:
+            self.warnings.append("the object was reset during the capture")
+        under_way = self.phase in {Phase.STREAMING, Phase.STARTING}
+        if self.phase is Phase.HANDSHAKE or (was_reset and under_way):
+            self._begin_start()
 
     def _feed_foreign(self, info: ForeignInfo) -> None:
         newer = info.protocol_major > PROTOCOL_MAJOR
@@ -277,11 +296,14 @@ class Session:
             self.warnings.append(
                 "the object streams but does not answer: it is captured without identity, card and start/stop"
             )
-        elif self._first_sample_ns is None and now_ns - self._start_ns > settings.handshake_s * 1e9:
+        elif not self._was_there and self._first_sample_ns is None and self._late(now_ns):
             self.error = self._no_answer()
         elif self._asked_ns is None or now_ns - self._asked_ns >= settings.answer_s * 1e9:
             self._asked_ns = now_ns
             self._outbox.append(GetInfo(self._next_id()))
+
+    def _late(self, now_ns: int) -> bool:
+        return now_ns - self._start_ns > self.settings.handshake_s * 1e9
 
     def _no_answer(self) -> NoAnswerError:
         seconds = f"{self.settings.handshake_s:.0f} s"

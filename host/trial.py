@@ -87,8 +87,11 @@ class Trial:
         self._theta_bar_deg: float | None = None
         self._interval_deg: tuple[float, float] | None = None
         self._last_endpoint_s: float | None = None
+        self._withdrawn = 0
         self._newest_s = 0.0
         self._last_block: SampleBlock | None = None
+        self.reconnects = 0
+        """How often the link was lost and opened again."""
 
     @property
     def n_endpoints(self) -> int:
@@ -111,8 +114,12 @@ class Trial:
         return self._newest_s
 
     def feed(self, chunk: AnyChunk) -> TrialUpdate:
-        """Take one chunk."""
+        """Take one chunk; an empty one says that the link was opened again."""
         items = self.link.feed(chunk)
+        if not chunk.data:
+            self.reconnects += 1
+            self.assembler.reopened()
+            self._clock.new_segment()
         decoded = self._feed_clock(items, chunk.host_time_ns)
         cycles: list[CycleRow] = []
         for block in self.assembler.feed(items, chunk.host_time_ns):
@@ -178,7 +185,17 @@ class Trial:
         self._newest_s = max(self._newest_s, float(block.time_s.max()))
         # Samples that come late are in the recording; the detector, being causal, passes them over.
         found = self._detector.feed(block.time_s, block.quats_wxyz, block.index.tolist())
+        withdrawn = self._detector.state.withdrawn
+        if withdrawn > self._withdrawn:
+            self._withdrawn = withdrawn
+            self._forget_endpoints()
         return [self._enter(endpoint) for endpoint in found]
+
+    def _forget_endpoints(self) -> None:
+        """Begin again: what looked like cycles was a part of one, or movement before the first."""
+        self._rows.clear()
+        self._quats.clear()
+        self._theta_bar_deg = self._interval_deg = self._last_endpoint_s = None
 
     def _enter(self, endpoint: Endpoint) -> CycleRow:
         quat = np.asarray(endpoint.quat_wxyz, dtype=np.float64)

@@ -23,6 +23,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--out", type=Path, metavar="FILE", help="recording to write (default: rotdrift-trials/DATE)")
     parser.add_argument("--rate", type=_whole, metavar="HZ", help="orientation rate to ask the object for, 10-1000")
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor, for the score")
+    parser.add_argument(
+        "--reconnect",
+        type=_wait,
+        default=30.0,
+        metavar="S",
+        help="wait so long for a lost link to come back (default: 30; 0 ends the capture at once)",
+    )
+    parser.add_argument("--debug-link", type=Path, metavar="FILE", help="write down what crosses the link, in hex")
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
@@ -49,7 +57,13 @@ def run(args: argparse.Namespace) -> int:
     recording = args.out or default_recording(datetime.now().astimezone())
     if recording.suffix != ".mcap":
         recording = recording.with_name(recording.name + ".mcap")
-    settings = CaptureSettings(cycles=args.cycles, duration_s=args.duration, session=SessionSettings(rate_hz=args.rate))
+    settings = CaptureSettings(
+        cycles=args.cycles,
+        duration_s=args.duration,
+        session=SessionSettings(rate_hz=args.rate),
+        reconnect_s=args.reconnect,
+        debug_link=args.debug_link,
+    )
     with StopSignals() as signals:
         finished = run_capture(
             args.link,
@@ -86,3 +100,7 @@ def _seconds(text: str) -> float:
     if not 0 < value < 1e9:
         raise argparse.ArgumentTypeError(f"{text!r} is not a time in seconds above 0")
     return value
+
+
+def _wait(text: str) -> float:
+    return 0.0 if text == "0" else _seconds(text)

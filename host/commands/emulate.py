@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from queue import SimpleQueue
+
+    from emulator.faults import TimedFault
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -25,6 +31,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--truth", metavar="FILE", help="write what really happened, as JSON")
     parser.add_argument("--duration", type=float, metavar="S", help="end after S seconds")
     parser.add_argument("--seed", type=int, metavar="N", help="another seed than the scenario's")
+    parser.add_argument(
+        "--faults-from-stdin",
+        action="store_true",
+        help="take faults as lines while it runs: stall for_s=2, unplug, reset, clock-step by_s=-3, ...",
+    )
     parser.add_argument("--list", action="store_true", help="list the scenarios")
 
 
@@ -63,7 +74,17 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(str(error)) from error
     try:
         with StopSignals() as signals:
-            run_object(scenario, link, args.duration, args.truth, signals.stop, _say_ready, seed=args.seed)
+            live_faults = _faults_from_stdin() if args.faults_from_stdin else None
+            run_object(
+                scenario,
+                link,
+                args.duration,
+                args.truth,
+                signals.stop,
+                _say_ready,
+                seed=args.seed,
+                live_faults=live_faults,
+            )
     except ScenarioError as error:
         raise UsageError(str(error)) from error
     except EmulatorLinkError as error:
@@ -76,3 +97,27 @@ def run(args: argparse.Namespace) -> int:
 def _say_ready(host_uri: str) -> None:
     sys.stdout.write(f"ready: {host_uri}\n")
     sys.stdout.flush()
+
+
+def _faults_from_stdin() -> SimpleQueue[TimedFault]:
+    """Read fault commands in a thread of their own until the input ends; a wrong line is told and passed over."""
+    import threading
+    from queue import SimpleQueue
+
+    from emulator import ScenarioError
+    from emulator.faults import parse_fault_command
+    from host.plain_text import plain
+
+    faults: SimpleQueue[TimedFault] = SimpleQueue()
+
+    def read() -> None:
+        for line in sys.stdin:
+            if line.strip():
+                try:
+                    faults.put(parse_fault_command(line[:1000]))
+                except ScenarioError as error:
+                    sys.stderr.write(f"rotdrift: {plain(str(error), 300)}\n")
+                    sys.stderr.flush()
+
+    threading.Thread(target=read, name="rotdrift-faults", daemon=True).start()
+    return faults

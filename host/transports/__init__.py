@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+from functools import partial
 from typing import cast
 
 from host.errors import UsageError
 from host.link_uri import EXAMPLES, LinkUri, parse_link_uri
 from host.transports.chunks import AnyChunk, Chunk, FrameChunk, LinkEnd, Transport
 
-__all__ = ["SCHEMES", "AnyChunk", "Chunk", "FrameChunk", "LinkEnd", "Transport", "open_transport"]
+__all__ = ["SCHEMES", "AnyChunk", "Chunk", "FrameChunk", "LinkEnd", "Transport", "open_lasting", "open_transport"]
 
 SCHEMES = {
     "serial": "host.transports.serial_port",
@@ -41,3 +42,27 @@ def open_transport(uri: LinkUri | str) -> Transport:
     if module_name is None or importlib.util.find_spec(module_name) is None:
         raise UsageError(f"there is no kind of link called {uri.scheme!r}", f"write it like one of {EXAMPLES}")
     return cast(Transport, importlib.import_module(module_name).open_transport(uri))
+
+
+def open_lasting(uri: LinkUri | str, give_up_s: float) -> Transport:
+    """Open the link a URI names; a live one is opened again when it is lost.
+
+    Parameters
+    ----------
+    uri : LinkUri or str
+        The link.
+    give_up_s : float
+        How long a lost link may take to come back, s; 0 does not wait.
+
+    Raises
+    ------
+    UsageError, LinkError, FileError
+        As :func:`open_transport`.
+    """
+    from host.transports.reconnecting import ReconnectingTransport
+
+    if isinstance(uri, str):
+        uri = parse_link_uri(uri)
+    if uri.scheme == "replay":
+        return open_transport(uri)
+    return ReconnectingTransport(partial(open_transport, uri), give_up_s)

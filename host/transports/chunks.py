@@ -16,10 +16,14 @@ MAX_CHUNK_BYTES = 65536
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Whatever one read of a byte link returned."""
+    """Whatever one read of a byte link returned.
+
+    An empty one says that the link was lost and is open again: whatever began before is over. It is recorded like any
+    other, so that a recording tells of it.
+    """
 
     data: bytes
-    """The bytes as received, at least one."""
+    """The bytes as received; empty where the link was opened again."""
     host_time_ns: int
     """``time.monotonic_ns()`` right at reception."""
 

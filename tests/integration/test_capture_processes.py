@@ -119,7 +119,7 @@ def test_an_object_that_vanishes_leaves_a_scored_recording(tmp_path):
     recording = tmp_path / "trial.mcap"
     with (
         VirtualObjectProcess(quick_scenario(tmp_path)) as virtual,
-        started("capture", virtual.link, "--cycles", 1000, "--out", recording) as capture,
+        started("capture", virtual.link, "--cycles", 1000, "--reconnect", 1, "--out", recording) as capture,
     ):
         wait_for_line(capture, "cycle   5")
         virtual.stop()
@@ -128,6 +128,7 @@ def test_an_object_that_vanishes_leaves_a_scored_recording(tmp_path):
         assert time.monotonic() - pulled < 5
     assert capture.returncode == 3
     assert "is gone" in stderr
+    assert "did not come back within 1 s" in stderr
     assert "Traceback" not in stderr
     assert "rotation drift θ̄ = " in stdout
     result = json.loads(recording.with_suffix(".json").read_text())
