@@ -158,3 +158,16 @@ def test_the_rate_is_that_of_the_last_seconds():
     assert meter.rate_hz(10**10) == pytest.approx(200.0)
     assert meter.rate_hz(10**10 + 1_500_000_000) == pytest.approx(100.0)
     assert meter.rate_hz(20 * 10**9) == 0.0
+
+
+def test_two_humps_a_cycle_are_one_cycle_once_the_pattern_is_known():
+    """The first humps look like cycles of their own; they are taken back, and the rows begin again."""
+    chunks, truth = virtual_chunks(scenario("two-hump", motion={"cycles": 12}))
+    trial, _ = followed(chunks)
+    state = trial.state(chunks[-1].host_time_ns, 0.0, LinkView())
+    numbers = [row.number for row in state.cycles]
+    assert numbers == list(range(len(numbers)))
+    true_s = np.diff([point["time_s"] for point in truth["endpoints"]])
+    periods_s = [row.period_s for row in state.cycles[1:]]
+    np.testing.assert_allclose(periods_s, np.median(true_s), atol=0.2)
+    assert state.theta_bar_deg == pytest.approx(truth["theta_bar_deg"], abs=0.1)
