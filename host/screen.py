@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
+from dataclasses import dataclass
 from typing import Protocol, TextIO
 
 from rich.console import Console
-from rich.live import Live
 
-from host.dashboard import render
+from host.dashboard.look import terminal_is_light
+from host.live_screen import LiveScreen
 from host.plain_text import plain
+from host.screen_keys import ScreenAction
+from host.screen_pipe import ScreenSettings
+from host.terminal import in_foreground
 from host.trial_state import CycleRow, TrialState
 
-FRAMES_PER_SECOND = 8.0
+__all__ = ["LineScreen", "LiveScreen", "QuietScreen", "Screen", "ScreenChoice", "open_screen"]
 
 
 class Screen(Protocol):
@@ -22,14 +27,20 @@ class Screen(Protocol):
     def start(self) -> None:
         """Begin."""
 
-    def update(self, state: TrialState) -> None:
-        """Take the present state; drawn when it is time."""
+    def update(self, state: TrialState, index: int = 0) -> None:
+        """Take the present state (of one of several objects); drawn when it is time."""
 
     def cycle(self, row: CycleRow) -> None:
         """Tell of a cycle."""
 
     def say(self, sentence: str) -> None:
         """Tell a person something once."""
+
+    def actions(self) -> list[ScreenAction]:
+        """Give what a person asked for since the last call."""
+
+    def hold(self, timeout_s: float) -> None:
+        """Wait until a person has seen the result and pressed a key; at once where there is no person."""
 
     def stop(self) -> None:
         """Give the terminal back."""
@@ -44,7 +55,7 @@ class QuietScreen:
     def start(self) -> None:
         """Begin."""
 
-    def update(self, state: TrialState) -> None:
+    def update(self, state: TrialState, index: int = 0) -> None:
         """Ignore the state."""
 
     def cycle(self, row: CycleRow) -> None:
@@ -53,6 +64,13 @@ class QuietScreen:
     def say(self, sentence: str) -> None:
         """Keep the sentence."""
         self.said.append(sentence)
+
+    def actions(self) -> list[ScreenAction]:
+        """Give nothing: there are no keys."""
+        return []
+
+    def hold(self, timeout_s: float) -> None:
+        """Go on."""
 
     def stop(self) -> None:
         """End."""
@@ -73,7 +91,7 @@ class LineScreen:
     def start(self) -> None:
         """Begin."""
 
-    def update(self, state: TrialState) -> None:
+    def update(self, state: TrialState, index: int = 0) -> None:
         """Ignore the state: it is for screens."""
 
     def cycle(self, row: CycleRow) -> None:
@@ -93,6 +111,13 @@ class LineScreen:
         """Print the sentence."""
         self._print(plain(sentence, 1000))
 
+    def actions(self) -> list[ScreenAction]:
+        """Give nothing: there are no keys."""
+        return []
+
+    def hold(self, timeout_s: float) -> None:
+        """Go on."""
+
     def stop(self) -> None:
         """End."""
 
@@ -104,53 +129,21 @@ class LineScreen:
             self._stream = io.StringIO()
 
 
-class LiveScreen:
-    """The dashboard, drawn by a thread of its own from the last state it was given.
+@dataclass(frozen=True, slots=True)
+class ScreenChoice:
+    """How a person wants the screen."""
 
-    Parameters
-    ----------
-    console : Console
-        On a terminal.
-    """
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._state = TrialState()
-        self._said: list[str] = []
-        self._live = Live(
-            get_renderable=lambda: render(self._state),
-            console=console,
-            screen=True,
-            auto_refresh=True,
-            refresh_per_second=FRAMES_PER_SECOND,
-            redirect_stdout=False,
-            redirect_stderr=False,
-        )
-
-    def start(self) -> None:
-        """Take the terminal."""
-        self._live.start(refresh=True)
-
-    def update(self, state: TrialState) -> None:
-        """Keep the state for the next frame."""
-        self._state = state
-
-    def cycle(self, row: CycleRow) -> None:
-        """Ignore the cycle: it is in the state."""
-
-    def say(self, sentence: str) -> None:
-        """Keep the sentence for when the terminal is free again; the state's warnings show it meanwhile."""
-        self._said.append(plain(sentence, 1000))
-
-    def stop(self) -> None:
-        """Give the terminal back, then print what was said."""
-        self._live.stop()
-        for sentence in self._said:
-            self._console.print(sentence, markup=False, highlight=False)
-        self._said.clear()
+    ascii_only: bool = False
+    """Only ASCII; also chosen where the terminal cannot show anything else."""
+    theme: str = "auto"
+    """``dark``, ``light``, or ``auto``: by ``COLORFGBG``."""
+    bell: bool = False
+    """Ring at every alarm and at the end."""
+    plain_lines: bool = False
+    """One line per cycle even where there is a terminal."""
 
 
-def open_screen(json_output: bool, stream: TextIO | None = None) -> Screen:
+def open_screen(json_output: bool, stream: TextIO | None = None, choice: ScreenChoice | None = None) -> Screen:
     """Choose how a capture shows itself.
 
     Parameters
@@ -159,11 +152,31 @@ def open_screen(json_output: bool, stream: TextIO | None = None) -> Screen:
         Standard output belongs to a JSON object: lines go to standard error.
     stream : text file, optional
         Where a person may be looking; standard output by default.
+    choice : ScreenChoice, optional
+        What the person asked for.
     """
     if json_output:
         return LineScreen(sys.stderr)
     stream = stream or sys.stdout
+    choice = choice or ScreenChoice()
     console = Console(file=stream)
-    if console.is_terminal and not console.is_dumb_terminal and stream.isatty():
-        return LiveScreen(console)
-    return LineScreen(stream)
+    lines = choice.plain_lines or not console.is_terminal or console.is_dumb_terminal or not stream.isatty()
+    if lines or not in_foreground(stream.fileno()):
+        return LineScreen(stream)
+    light = choice.theme == "light" or (choice.theme == "auto" and terminal_is_light(os.environ.get("COLORFGBG")))
+    settings = ScreenSettings(
+        ascii_only=choice.ascii_only or not _can_show("θ█⣿", stream),
+        light=light,
+        color=None if console.no_color else console.color_system,
+        bell=choice.bell,
+    )
+    return LiveScreen(stream, LineScreen(stream), settings)
+
+
+def _can_show(characters: str, stream: TextIO) -> bool:
+    """Whether the encoding of a stream has some characters."""
+    try:
+        characters.encode(stream.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True

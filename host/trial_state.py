@@ -28,6 +28,10 @@ class CycleRow:
     """θ̄ of all end points so far; None below two."""
     flags: tuple[str, ...] = ()
     """What is odd about it."""
+    quat_wxyz: tuple[float, float, float, float] | None = None
+    """Orientation at the end point, body to world."""
+    excluded: str = ""
+    """Why the cycle does not count: the operator's reason, or that it lies outside the trial window; else empty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,10 @@ class LinkView:
     """Rate of the device clock over the host's; None until it is known."""
     jitter_p99_ms: float | None = None
     """99th percentile of what the link adds to its least latency."""
+    reconnects: int = 0
+    """How often the link was lost and came back."""
+    segment_reason: str = ""
+    """Why the last segment began."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +82,10 @@ class SensorView:
     battery_v: float | None = None
     orientation_wxyz: tuple[float, float, float, float] | None = None
     """Last orientation, body to world."""
+    heading_deg_per_min: float | None = None
+    """The sensor's own drift, from its static baseline; None without one."""
+    floor_deg: float | None = None
+    """Smallest drift per cycle that can be told from a resting object's, from the baseline; None without one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +102,8 @@ class MotionView:
     """0 at the last end point, 1 where the next is due; None before the first."""
     flags: tuple[str, ...] = ()
     """What to look at now: gap, axis ambiguous, noisy, pause."""
+    turn_rate_dps: float | None = None
+    """How fast the object turns, mean over the last half second, deg/s; None before the first sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +116,51 @@ class RecordingView:
     """Why it is not on disk; None when all is well."""
     free_bytes: int | None = None
     """Room left on the disk."""
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """Something that should make the operator look up."""
+
+    kind: str
+    """Short name, always the same for the same thing: ``no cycles``, ``losses``, ..."""
+    sentence: str
+    """What is wrong and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorMark:
+    """A marker or note."""
+
+    time_s: float
+    """Since the first sample."""
+    text: str
+    """``marker 3``, or what was typed."""
+
+
+@dataclass(frozen=True, slots=True)
+class WindowView:
+    """The trial window that the operator set; without one everything counts."""
+
+    from_s: float | None = None
+    """Its begin, s since the first sample; None: open."""
+    to_s: float | None = None
+    """Its end; None: open."""
+
+
+@dataclass(frozen=True, slots=True)
+class GuideView:
+    """Where a guided trial is."""
+
+    number: int
+    """Step, from 1."""
+    n_steps: int
+    title: str
+    """What to do, in a few words."""
+    hint: str
+    """How, and how far it is."""
+    progress: float = 0.0
+    """Of this step, 0-1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +189,26 @@ class TrialState:
     recording: RecordingView = field(default_factory=RecordingView)
     warnings: tuple[str, ...] = ()
     """What a person should know, the newest last."""
+    origin_wxyz: tuple[float, float, float, float] | None = None
+    """Orientation at the first end point that counts; None before it."""
+    half_width_deg: float | None = None
+    """Half of the confidence interval's width, before its ends were cut."""
+    target_half_width_deg: float | None = None
+    """Half-width that the capture aims at; None without ``--until``."""
+    more_cycles: int | None = None
+    """How many more cycles the interval's formula asks for to reach the target; None where it cannot be said."""
+    provisional_deg: float | None = None
+    """θ̄ as the live view had it, once ``finished``."""
+    summary: str = ""
+    """The result in a sentence, once ``finished``."""
+    alarms: tuple[Alarm, ...] = ()
+    """What is wrong now, the most urgent first."""
+    marks: tuple[OperatorMark, ...] = ()
+    """The last markers and notes."""
+    window: WindowView | None = None
+    """The trial window; None where the operator set none."""
+    guide: GuideView | None = None
+    """Step of a guided trial; None without a guide."""
 
     @property
     def n_cycles(self) -> int:

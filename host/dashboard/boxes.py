@@ -1,0 +1,54 @@
+"""Lines of exact width: cut, padded, framed, side by side. A picture is a list of them.
+
+Plain lists on purpose: rich's own tables and panels measure everything several times, which costs more than the rest
+of a frame.
+"""
+
+from __future__ import annotations
+
+from rich.text import Text
+
+from host.dashboard.look import Look
+
+Lines = list[Text]
+
+
+def fitted(line: Text, width: int, look: Look) -> Text:
+    """Cut or pad a line to a width; what is cut ends in an ellipsis (ASCII: ``~``)."""
+    missing = width - line.cell_len
+    if missing < 0:
+        line = line.copy()
+        if look.ascii_only:
+            line.truncate(max(0, width - 1), overflow="crop")
+            line.append("~"[:width])
+        else:
+            line.truncate(width, overflow="ellipsis")
+        missing = width - line.cell_len
+    if missing > 0:
+        line = line.copy()
+        line.append(" " * missing)
+    return line
+
+
+def block(lines: Lines, width: int, height: int, look: Look) -> Lines:
+    """Cut or fill lines to a rectangle."""
+    lines = lines[:height]
+    return [fitted(line, width, look) for line in lines] + [Text(" " * width, end="")] * (height - len(lines))
+
+
+def framed(lines: Lines, title: str, width: int, height: int, look: Look, meaning: str = "frame") -> Lines:
+    """Draw a frame around lines; width and height are those of the frame."""
+    corners, bar, side = ("++++", "-", "|") if look.ascii_only else ("╭╮╰╯", "─", "│")
+    inner = max(0, width - 4)
+    head = fitted(look.text(f" {title} "), min(inner, look.text(f" {title} ").cell_len), look) if title else Text()
+    top = look.join((corners[0] + bar, meaning))
+    top.append_text(head)
+    top.append(bar * (width - 3 - head.cell_len) + corners[1], look.styles[meaning])
+    left, right = look.text(f"{side} ", meaning), look.text(f" {side}", meaning)
+    body = [Text.assemble(left, line, right, end="") for line in block(lines, inner, max(0, height - 2), look)]
+    return [top, *body, look.text(corners[2] + bar * max(0, width - 2) + corners[3], meaning)]
+
+
+def beside(*parts: Lines) -> Lines:
+    """Put rectangles of equal height side by side."""
+    return [Text.assemble(*row, end="") for row in zip(*parts, strict=True)]

@@ -1,0 +1,76 @@
+"""One line per cycle: when, how long, how far it missed, about which axis, what is odd about it."""
+
+from __future__ import annotations
+
+from rich.text import Text
+
+from host.dashboard.boxes import Lines, block
+from host.dashboard.look import Look
+from host.trial_state import CycleRow, TrialState
+
+AXIS_WIDTH = 17
+MIN_BAR, MAX_BAR = 6, 40
+_FIXED = 41
+"""Cells of the columns that always have the same width, with the spaces between them."""
+_FLAGS = 12
+"""Cells kept for flags."""
+
+
+def cycle_table(state: TrialState, look: Look, width: int, height: int) -> Lines:
+    """Draw the newest cycles that fit.
+
+    Parameters
+    ----------
+    state : TrialState
+        The moment.
+    look : Look
+        Colours and characters.
+    width, height : int
+        Of the rectangle, heading included.
+    """
+    with_axis = width >= _FIXED + AXIS_WIDTH + MIN_BAR + _FLAGS
+    bar = min(MAX_BAR, max(MIN_BAR, width - _FIXED - _FLAGS - (AXIS_WIDTH if with_axis else 0)))
+    head = f"{'cycle':>6}{'time':>10}{'period':>9}{'step':>8} {'':{bar}}{look.words('θ̄'):>{_theta_width(look)}} "
+    lines = [look.text(head + (" axis of the step" if with_axis else ""), "strong")]
+    rows = state.cycles[-max(1, height - 1) :]
+    longest = max((row.step_deg or 0.0 for row in state.cycles), default=0.0)
+    lines += [_line(row, longest, bar, with_axis, look) for row in rows]
+    if not rows:
+        lines.append(look.text(f"  {_waiting(state)}", "quiet"))
+    return block(lines, width, height, look)
+
+
+def _theta_width(look: Look) -> int:
+    """Width for ``format``, which counts the bar over θ as a character of its own."""
+    return 7 if look.ascii_only else 8
+
+
+def _line(row: CycleRow, longest_deg: float, bar: int, with_axis: bool, look: Look) -> Text:
+    odd = "quiet" if row.excluded else "doubtful" if row.flags else "plain"
+    share = 0.0 if row.step_deg is None or longest_deg <= 0 else row.step_deg / longest_deg
+    cells = max(1 if row.step_deg else 0, round(share * bar))
+    number = str(row.number) if row.number else "start"
+    period = "" if row.period_s is None else f"{row.period_s:.3f} s"
+    step = "" if row.step_deg is None else f"{row.step_deg:.3f}"
+    theta = "" if row.theta_bar_deg is None else f"{row.theta_bar_deg:.3f}"
+    sign = ("x" if look.ascii_only else "┄") if row.excluded else "━"
+    parts: list[str | tuple[str, str]] = [
+        (f"{number:>6}{row.time_s:>8.2f} s{period:>9}", "quiet" if row.excluded else "plain"),
+        (f"{step:>8} ", odd),
+        (f"{sign * cells:{bar}}", odd if odd != "plain" else "accent"),
+        f"{theta:>7} ",
+    ]
+    if with_axis:
+        axis = "" if row.step_axis is None else " ".join(f"{part:+.2f}" for part in row.step_axis)
+        parts.append((f" {axis:{AXIS_WIDTH - 1}}", "quiet"))
+    if row.excluded:
+        parts.append((f" left out: {row.excluded}", "doubtful"))
+    elif row.flags:
+        parts.append((f" {', '.join(row.flags)}", "doubtful"))
+    return look.join(*parts)
+
+
+def _waiting(state: TrialState) -> str:
+    if state.sensor.orientation_wxyz is None:
+        return "no data yet"
+    return "waiting for cycles"

@@ -1,0 +1,107 @@
+"""How the dashboard looks: colours for dark and light terminals, characters for those that have only ASCII.
+
+Colour is never the only carrier of a meaning: what is doubtful or bad is also a word or a sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rich.style import Style
+from rich.text import Text
+
+_DARK = {
+    "plain": "",
+    "strong": "bold",
+    "accent": "cyan",
+    "number": "bold cyan",
+    "good": "green",
+    "doubtful": "yellow",
+    "bad": "bold red",
+    "quiet": "dim",
+    "frame": "grey50",
+    "x": "red",
+    "y": "green",
+    "z": "bright_blue",
+}
+_LIGHT = _DARK | {
+    "accent": "blue",
+    "number": "bold blue",
+    "good": "dark_green",
+    "doubtful": "dark_orange3",
+    "quiet": "grey37",
+    "frame": "grey58",
+    "z": "blue",
+}
+_ASCII = str.maketrans(
+    {
+        "θ": "theta",
+        "\u0304": "",  # the bar over it
+        "°": "deg",
+        "·": "|",
+        "…": "...",
+        "±": "+/-",
+        "−": "-",
+        "━": "=",
+        "─": "-",
+        "│": "|",
+        "×": "x",
+        "≤": "<=",
+        "≥": ">=",
+        "→": "->",
+    }
+)
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colours and characters.
+
+    Texts go through :meth:`text`, which is where ASCII terminals get their own words; nothing is ever read as markup.
+    """
+
+    ascii_only: bool = False
+    light: bool = False
+    styles: Mapping[str, Style] = field(init=False, repr=False, compare=False)
+    """Meaning -> rich style."""
+
+    def __post_init__(self) -> None:
+        names = _LIGHT if self.light else _DARK
+        object.__setattr__(self, "styles", {name: Style.parse(style) for name, style in names.items()})
+
+    def words(self, text: str) -> str:
+        """Write a text in the characters the terminal has."""
+        if not self.ascii_only or text.isascii():
+            return text
+        return text.translate(_ASCII).encode("ascii", "replace").decode()
+
+    def text(self, text: str, meaning: str = "plain") -> Text:
+        """Make a text of one meaning."""
+        return Text(self.words(text), style=self.styles[meaning], no_wrap=True, end="")
+
+    def join(self, *parts: str | tuple[str, str]) -> Text:
+        """Put texts together; each is plain or (text, meaning)."""
+        line = Text(no_wrap=True, end="")
+        for part in parts:
+            text, meaning = (part, "plain") if isinstance(part, str) else part
+            line.append(self.words(text), self.styles[meaning])
+        return line
+
+    def listed(self, parts: list[str | tuple[str, str]]) -> Text:
+        """Put texts in a row with a dot between them."""
+        joined: list[str | tuple[str, str]] = []
+        for part in parts:
+            if joined:
+                joined.append((" · ", "quiet"))
+            joined.append(part)
+        return self.join(*joined)
+
+
+def terminal_is_light(colorfgbg: str | None) -> bool:
+    """Tell from the variable ``COLORFGBG`` (``foreground;background``) whether the background is light.
+
+    Terminals that do not set it are taken as dark; ``--theme light`` says otherwise.
+    """
+    background = (colorfgbg or "").rpartition(";")[2]
+    return background in {"7", "15"}

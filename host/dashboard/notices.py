@@ -1,0 +1,87 @@
+"""What wants attention: the guide's step, alarms, notes, the trial window, and the line of keys."""
+
+from __future__ import annotations
+
+from rich.text import Text
+
+from host.dashboard.boxes import Lines, framed
+from host.dashboard.look import Look
+from host.dashboard.view import View
+from host.trial_state import TrialState
+
+KEYS = (
+    ("m", "marker", "put a marker here"),
+    ("n", "note", "type a note"),
+    ("s", "start/stop", "start or stop the trial window: only end points inside count"),
+    ("x", "exclude", "leave the last cycle out, with a reason; again: take it back in"),
+    ("f", "focus", "show the next object"),
+    ("p", "pause", "hold the picture still; the capture goes on"),
+    ("?", "help", "show this"),
+    ("q", "finish", "end the capture in order and score it"),
+)
+"""Key, its name in the bottom line, and what it does."""
+MAX_NOTICES = 4
+
+
+def guide_lines(state: TrialState, look: Look, width: int) -> Lines:
+    """Draw the step of a guided trial, framed; nothing without a guide."""
+    guide = state.guide
+    if guide is None:
+        return []
+    full, empty = ("#", ".") if look.ascii_only else ("█", "░")
+    cells = max(4, min(20, width // 4))
+    done = round(cells * min(1.0, max(0.0, guide.progress)))
+    line = look.join(
+        (f"{guide.title}  ", "strong"), (full * done + empty * (cells - done), "accent"), f"  {guide.hint}"
+    )
+    return framed([line], f"step {guide.number} of {guide.n_steps}", width, 3, look, "accent")
+
+
+def notice_lines(state: TrialState, look: Look) -> Lines:
+    """Draw alarms, then warnings, then the trial window and the last mark; at most :data:`MAX_NOTICES`."""
+    lines = [look.join((f"ALARM {alarm.kind}: ", "bad"), alarm.sentence) for alarm in state.alarms]
+    told = list(state.warnings)
+    if state.recording.problem and state.recording.problem not in told:
+        told.append(state.recording.problem)
+    lines += [look.text(f"! {warning}", "doubtful") for warning in reversed(told)]
+    window = state.window
+    if window is not None:
+        begin = "the beginning" if window.from_s is None else f"{window.from_s:.1f} s"
+        end = "now on" if window.to_s is None else f"to {window.to_s:.1f} s"
+        lines.append(look.text(f"trial window: from {begin} {end}", "accent"))
+    if state.marks:
+        mark = state.marks[-1]
+        lines.append(look.text(f"at {mark.time_s:.1f} s: {mark.text}", "quiet"))
+    return lines[:MAX_NOTICES]
+
+
+def bottom_line(view: View, n_objects: int, finished: bool) -> Text:
+    """Draw what is being typed, or the keys."""
+    look = view.look
+    if view.prompt:
+        return look.join((f"{view.prompt}: ", "strong"), view.typed, ("_", "accent"), ("  (Enter, Esc)", "quiet"))
+    if finished:
+        return look.join(("finished", "good"), ("  any key ends", "quiet"))
+    line = Text(no_wrap=True, end="")
+    if view.paused:
+        line.append_text(look.join(("PAUSED, the capture goes on ", "doubtful")))
+    if view.message:
+        line.append_text(look.join((f"{view.message} ", "accent")))
+    for key, name, _ in KEYS:
+        if key != "f" or n_objects > 1:
+            line.append_text(look.join((f"{key}", "strong"), (f" {name}  ", "quiet")))
+    return line
+
+
+def help_lines(look: Look, width: int, height: int) -> Lines:
+    """Draw the help."""
+    lines = [look.join((f"{key:4}", "strong"), what) for key, _, what in KEYS]
+    lines += [
+        look.join(("^Z  ", "strong"), "step aside: the terminal is yours, the capture goes on; any key comes back"),
+        look.join(("^C  ", "strong"), "as q"),
+        look.text(""),
+        look.text("Every key is an event in the recording; the score honours window and exclusions.", "quiet"),
+        look.text("Cycles that are left out stay in the recording and in the result, with their reason.", "quiet"),
+        look.text("θ̄ is the angle of the average step; the interval says how far to trust it.", "quiet"),
+    ]
+    return framed(lines, "keys", width, height, look, "accent")
