@@ -126,3 +126,10 @@ def test_a_trial_without_score_claims_none(trials, drawn):
     assert "θ̄ = " not in Reader(page).text[0]
     assert 'class="value"' not in page
     assert report_pdf([refused], title="x", version="0", drawn=drawn).startswith(b"%PDF")
+
+
+def test_the_shipped_plotly_is_the_one_its_licence_file_names():
+    import hashlib
+
+    said = (BUNDLE.parent / "plotly-LICENSE.txt").read_text("utf-8")
+    assert hashlib.sha256(gzip.decompress(BUNDLE.read_bytes())).hexdigest() in said
