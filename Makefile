@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet
 
-.PHONY: demo test lint format recordings bench docs clean
+.PHONY: demo test lint format recordings bench bench-quick docs clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -26,6 +26,10 @@ $(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python
 	@$(PIP) --editable '.[docs]'
 	@touch $@
 
+$(VENV)/.bench: pyproject.toml constraints.txt | $(BIN)/python
+	@$(PIP) --editable '.[bench]'
+	@touch $@
+
 demo: $(VENV)/.run
 	$(BIN)/rotdrift demo
 
@@ -45,9 +49,15 @@ format: $(VENV)/.dev
 recordings: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.recordings_table
 
+bench: $(VENV)/.run $(VENV)/.bench
+	$(BIN)/python -m benchmarks
+
+bench-quick: $(VENV)/.run $(VENV)/.bench
+	$(BIN)/python -m benchmarks --quick
+
 docs: $(VENV)/.dev $(VENV)/.docs
 	$(BIN)/python docs/pictures.py
-	$(BIN)/mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
 clean:
 	rm -rf $(VENV) build *.egg-info

@@ -1,0 +1,109 @@
+"""Table and plot of what was measured, with the machine and the versions."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from benchmarks.measurement import COST, Row, Topic
+from benchmarks.native import compiler_version
+
+PACKAGES = ("numpy", "scipy", "construct", "cobs", "mcap", "python-can", "cantools", "pymavlink", "ximu3")
+
+
+def _cpu() -> str:
+    try:
+        text = Path("/proc/cpuinfo").read_text()
+    except OSError:
+        return platform.processor() or platform.machine()
+    facts = dict(line.split(":", 1) for line in text.split("\n\n")[0].splitlines() if ":" in line)
+    values = {key.strip(): value.strip() for key, value in facts.items()}
+    name = values.get("model name", platform.machine())
+    return f"{name} (family {values.get('cpu family', '?')}, model {values.get('model', '?')})"
+
+
+def machine() -> dict[str, str]:
+    """Name the CPU, the system, and every version that matters."""
+    facts = {
+        "CPU": f"{_cpu()}, {os.cpu_count()} cores",
+        "system": f"{platform.system()} {platform.release()}",
+        "Python": platform.python_version(),
+        "compiler": compiler_version(),
+    }
+    for package in PACKAGES:
+        try:
+            facts[package] = version(package)
+        except PackageNotFoundError:
+            facts[package] = "not installed"
+    facts["load before"] = " ".join(f"{value:.1f}" for value in os.getloadavg())
+    return facts
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def _line(row: Row) -> str:
+    has_range = row.low is not None and row.high is not None and row.low != row.high
+    spread = f"{_number(row.low or 0.0)} – {_number(row.high or 0.0)}" if has_range else ""
+    goal = "" if row.goal is None else f"{'≤' if row.sense == COST else '≥'} {_number(row.goal)}"
+    met = {None: "", True: "yes", False: "**no**"}[row.met]
+    return f"| {row.name} | {_number(row.value)} {row.unit} | {spread} | {goal} | {met} | {row.note} |"
+
+
+def markdown(topics: list[Topic], facts: dict[str, str] | None = None) -> str:
+    """Table of all topics."""
+    lines: list[str] = []
+    if facts:
+        lines += [*(f"- {name}: {value}" for name, value in facts.items()), ""]
+    for topic in topics:
+        lines += [f"## {topic.title}", "", "| what | median | range | goal | met | |", "|---|---|---|---|---|---|"]
+        lines += [_line(row) for row in topic.rows]
+        lines += [""]
+        lines += [f"Left out: {reason}." for reason in topic.left_out]
+        if topic.text:
+            lines += ["```text", topic.text, "```"]
+        lines += [""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def plot(topics: list[Topic], path: Path) -> None:
+    """Draw what has a goal as goal share, and every curve."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    goals = [row for topic in topics for row in topic.rows if row.goal]
+    groups: dict[tuple[str, str, str], list[tuple[str, tuple[float, ...], tuple[float, ...]]]] = {}
+    for topic in topics:
+        for curve in topic.curves:
+            key = (topic.title.partition(":")[0], curve.x_label, curve.y_label)
+            groups.setdefault(key, []).append((curve.name, curve.x, curve.y))
+    rows = 1 + (len(groups) + 1) // 2
+    height = max(3.0, 0.28 * len(goals))
+    figure = plt.figure(figsize=(11, height + 3.2 * (rows - 1)), layout="constrained")
+    grid = figure.add_gridspec(rows, 2, height_ratios=[height, *[3.2] * (rows - 1)])
+    axes = figure.add_subplot(grid[0, :])
+    shares = [row.goal / row.value if row.sense == COST else row.value / row.goal for row in goals if row.goal]
+    axes.barh(range(len(goals)), shares, color=["tab:green" if row.met else "tab:red" for row in goals])
+    axes.axvline(1.0, color="black", linewidth=1)
+    axes.set_yticks(range(len(goals)), [row.name for row in goals], fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    axes.set_xlabel("how often the goal is reached (1 = just)")
+    for k, ((title, x_label, y_label), lines) in enumerate(groups.items()):
+        axes = figure.add_subplot(grid[1 + k // 2, k % 2])
+        for name, x, y in lines:
+            axes.loglog(x, y, marker="o", markersize=3, label=name)
+        low, high = axes.get_ylim()
+        if high / low < 20:  # flat has to look flat
+            middle = (high * low) ** 0.5
+            axes.set_ylim(middle / 5, middle * 5)
+        axes.set(title=title, xlabel=x_label, ylabel=y_label)
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=7)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
