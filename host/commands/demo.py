@@ -37,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from datetime import datetime
 
+    from emulator.scenario import load_scenario
     from host.capture import CaptureSettings
     from host.capture_run import default_recording, run_capture
     from host.errors import UsageError
@@ -60,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
             )
         truth = virtual.stop()
     print_score(finished.score)
-    _print_truth(finished.score, truth)
+    _print_truth(finished.score, truth, load_scenario(scenario).imu.heading_drift_deg_per_min)
     sys.stdout.write(f"recording  {finished.recording}\nresult     {finished.result}\n")
     sys.stdout.flush()
     if finished.outcome.error is not None:
@@ -68,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if finished.score.valid else 1
 
 
-def _print_truth(score: TrialScore, truth: dict[str, Any]) -> None:
+def _print_truth(score: TrialScore, truth: dict[str, Any], heading_drift_deg_per_min: float) -> None:
     from rich.console import Console
     from rich.text import Text
 
@@ -82,6 +83,9 @@ def _print_truth(score: TrialScore, truth: dict[str, Any]) -> None:
         line.append("    ")
         line.append(f"true θ̄ = {true_deg:.3f}°", style="bold green")
         line.append(f"    difference {score.theta_bar_deg - true_deg:+.3f}°")
+        if heading_drift_deg_per_min and score.period_s is not None:
+            share_deg = abs(heading_drift_deg_per_min) * score.period_s / 60.0
+            line.append(f"\nof which up to {share_deg:.3f}° is the virtual sensor's own heading drift")
     Console(highlight=False).print(line)
 
 
