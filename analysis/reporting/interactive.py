@@ -121,7 +121,7 @@ def _axis(title: str) -> dict[str, Any]:
 
 def _layout(scene: dict[str, Any]) -> dict[str, Any]:
     return {
-        "scene": {**scene, "camera": {"eye": {"x": 0.9, "y": -1.15, "z": 0.65}}},
+        "scene": {**scene, "camera": {"eye": {"x": 1.0, "y": -1.25, "z": 0.72}}},
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
         "legend": {"orientation": "h", "y": 0.02, "itemsizing": "constant"},
         "paper_bgcolor": "white",
