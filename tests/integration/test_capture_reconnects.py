@@ -1,0 +1,168 @@
+"""Cables pulled, objects reset and exchanged, between real processes over ptys and TCP."""
+
+import json
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from host.recorded_trial import load_trial
+from host.recording_reader import RecordingReader
+from tests.command_line import BASE, environment, quick_scenario, rotdrift, started, wait_for_line
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs ptys")
+
+
+class LiveObject:
+    """The emulator as a process whose faults are typed in."""
+
+    def __init__(self, process, truth_path):
+        self._process = process
+        self._truth_path = truth_path
+        self.link = wait_for_line(process, "ready: ")[-1].split("ready: ")[1].strip()
+
+    def fault(self, command):
+        self._process.stdin.write(command + "\n")
+        self._process.stdin.flush()
+
+    def stop(self):
+        self._process.terminate()
+        assert self._process.wait(10) == 0
+        return json.loads(self._truth_path.read_text())
+
+
+@contextmanager
+def live_object(folder, scenario, address):
+    """Start an emulator that takes faults."""
+    truth = folder / "truth.json"
+    command = [*BASE, "emulate", "--scenario", scenario, "--link", address, "--truth", str(truth)]
+    process = subprocess.Popen(
+        [*command, "--faults-from-stdin"],
+        env=environment(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield LiveObject(process, truth)
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("kind", ["pty", "tcp"])
+def test_a_cable_pulled_out_and_put_in_again_is_a_gap_in_one_trial(tmp_path, kind):
+    recording = tmp_path / "trial.mcap"
+    address = f"pty:{tmp_path / 'object'}" if kind == "pty" else "tcp:0"
+    with (
+        live_object(tmp_path, quick_scenario(tmp_path), address) as virtual,
+        started("capture", virtual.link, "--cycles", 9, "--out", recording, "--json") as capture,
+    ):
+        wait_for_cycle(capture, 4)
+        virtual.fault("unplug for_s=0.4")
+        stdout, stderr = capture.communicate(timeout=30)
+        truth = virtual.stop()
+    assert capture.returncode == 0, stderr
+    result = json.loads(stdout)
+    assert truth["fault_counts"] == {"unplug": 1}
+    assert result["capture"]["ended"] == "9 cycles are done"
+    assert result["link"]["reconnects"] == 1
+    assert result["link"]["resets"] == 0  # the clock of the object never stopped
+    assert any("open again" in warning for warning in result["capture"]["warnings"])
+    losses = result["losses"]
+    assert losses["exact"]
+    assert losses["produced"] == losses["received"] + losses["lost"] + losses["rejected"] + losses["dropped_by_device"]
+    assert 80 <= losses["missing"] <= 350  # 0.4 s and the way back at 200 Hz
+    assert result["theta_bar_deg"] == pytest.approx(0.4, abs=0.01)
+    # Data again within a second after the port was back, and the loss noticed at once.
+    chunks = list(RecordingReader(recording).chunks())
+    mark = next(i for i, chunk in enumerate(chunks) if not chunk.data)
+    assert chunks[mark].host_time_ns - chunks[mark - 1].host_time_ns < 1_000_000_000
+    first_data = next(chunk for chunk in chunks[mark + 1 :] if chunk.data)
+    assert first_data.host_time_ns - chunks[mark].host_time_ns < 500_000_000
+    assert load_trial(recording).damage == ()
+    again = json.loads(rotdrift("score", recording, "--json").stdout)
+    assert again["losses"] == losses
+    assert again["link"] == result["link"]
+
+
+def test_a_reset_object_is_started_again_and_the_trial_goes_on(tmp_path):
+    recording = tmp_path / "trial.mcap"
+    with (
+        live_object(tmp_path, quick_scenario(tmp_path), f"pty:{tmp_path / 'object'}") as virtual,
+        started("capture", virtual.link, "--cycles", 10, "--out", recording, "--json") as capture,
+    ):
+        wait_for_cycle(capture, 5)
+        virtual.fault("reset for_s=0.2")
+        stdout, stderr = capture.communicate(timeout=30)
+        truth = virtual.stop()
+    assert capture.returncode in {0, 1}, stderr
+    result = json.loads(stdout)
+    assert len(truth["device"]["boot_ids"]) == 2
+    assert result["link"]["resets"] == 1
+    assert result["link"]["reconnects"] == 0
+    assert "the object was reset during the capture" in result["capture"]["warnings"]
+    assert any("may not have the same origin" in warning for warning in result["warnings"])
+    assert result["losses"]["segments"] == 2
+    trial = load_trial(recording)
+    assert [segment.reason for segment in trial.segments] == ["the capture began", "the object was reset"]
+    # Nothing of the reset object was counted twice or got lost but for what it says itself.
+    assert trial.losses.missing == 0
+    assert (np.diff(trial.series.times_s) > 0).all()
+
+
+def test_another_object_at_the_same_port_is_refused(tmp_path):
+    recording = tmp_path / "trial.mcap"
+    with (
+        live_object(tmp_path, quick_scenario(tmp_path), f"pty:{tmp_path / 'object'}") as virtual,
+        started("capture", virtual.link, "--cycles", 1000, "--out", recording) as capture,
+    ):
+        wait_for_line(capture, "cycle   5")
+        virtual.fault("swap for_s=0.2")
+        _, stderr = capture.communicate(timeout=30)
+        truth = virtual.stop()
+    assert capture.returncode == 3
+    assert "another object answers now" in stderr
+    other = next(fault["device_id"] for fault in truth["faults"] if fault["kind"] == "swap")
+    assert f"{other:016x}" in stderr
+    result = json.loads(recording.with_suffix(".json").read_text())
+    assert result["object"]["device_id"] != f"{other:016x}"
+    assert result["theta_bar_deg"] == pytest.approx(0.4, abs=0.01)
+
+
+def test_a_wrong_fault_command_is_told_and_passed_over(tmp_path):
+    with live_object(tmp_path, "static", f"pty:{tmp_path / 'object'}") as virtual:
+        virtual.fault("explode")
+        assert "rotdrift: " in virtual._process.stderr.readline()
+        virtual.stop()
+
+
+def test_the_log_of_a_link_holds_every_byte_with_its_time(tmp_path):
+    recording, log = tmp_path / "trial.mcap", tmp_path / "link.txt"
+    with live_object(tmp_path, quick_scenario(tmp_path), f"pty:{tmp_path / 'object'}") as virtual:
+        arguments = ("capture", virtual.link, "--duration", 1.5, "--out", recording, "--debug-link", log)
+        rotdrift(*arguments)
+        refused = rotdrift(*arguments[:-3], tmp_path / "other.mcap", *arguments[-2:])
+        virtual.stop()
+    lines = [line.split() for line in log.read_text().splitlines() if not line.startswith("#")]
+    for sign, topic in (("<", "/raw/received"), (">", "/raw/sent")):
+        logged = bytes.fromhex("".join("".join(line[3:]) for line in lines if line[1] == sign))
+        recorded = b"".join(chunk.data for chunk in RecordingReader(recording).chunks(topic))
+        assert logged == recorded
+        assert len(logged) > 10
+    times = [float(line[0]) for line in lines if line[1] == "<"]
+    assert times == sorted(times)
+    assert refused.returncode == 4
+    assert "exists already" in refused.stderr
+
+
+def wait_for_cycle(capture, number):
+    """Wait for a cycle of a capture that prints JSON: its lines are on standard error."""
+    for line in capture.stderr:
+        if f"cycle {number:3d}" in line:
+            return
+    raise AssertionError("the capture ended")
