@@ -12,6 +12,8 @@ from importlib import resources
 from typing import Any
 
 FILE_NAME = "serial.json"
+CAN_FILE_NAME = "can.json"
+"""The same for the frames on CAN."""
 
 
 def load_vectors() -> dict[str, Any]:
