@@ -20,12 +20,10 @@ from analysis.series import OrientationSeries
 from analysis.trial_score import TrialScore, finite
 from firmware_protocol.packets import Info
 from host.errors import FileError
+from host.loss_verdict import judge_losses
 from host.plain_text import plain
 from host.recorded_trial import RecordedTrial
 from host.version import VERSION
-
-LOSS_LIMIT = 0.01
-"""Share of missing samples from which a score is called degraded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +60,8 @@ def score_trial(
         Chosen end points or window do not fit the recording, or the baseline file is none.
     """
     score = score_plain(trial.series, options, trial.losses.to_json())
+    missing, expected = samples_per_cycle(trial.series, [point.time_s for point in score.endpoints])
+    verdict = judge_losses(trial.losses, missing, expected)
     extra: dict[str, Any] = {
         **score.extra,
         "object": describe_object(trial.info),
@@ -74,13 +74,15 @@ def score_trial(
             "resets": max(0, len(trial.segments) - 1),
             "reconnects": trial.reconnects,
         },
-        "missing_per_cycle": missing_per_cycle(trial.series, [point.time_s for point in score.endpoints]),
+        "missing_per_cycle": missing,
+        "quality": verdict.to_json(),
         "events": [dataclasses.asdict(event) for event in trial.events],
         "rotdrift_version": VERSION,
     }
     if capture is not None:
         extra["capture"] = capture
-    return replace(score, warnings=(*trial_warnings(trial), *score.warnings), extra=finite_mapping(extra))
+    warnings = (*verdict.reasons, *trial_warnings(trial), *score.warnings)
+    return replace(score, warnings=warnings, extra=finite_mapping(extra))
 
 
 def score_plain(
@@ -111,14 +113,8 @@ def score_plain(
 
 
 def trial_warnings(trial: RecordedTrial) -> tuple[str, ...]:
-    """Say what makes a recorded trial doubtful beyond its motion."""
-    losses = trial.losses
+    """Say what makes a recorded trial doubtful beyond its motion and its losses."""
     warnings = list(trial.damage)
-    if losses.share > LOSS_LIMIT:
-        warnings.append(
-            f"{100 * losses.share:.1f} % of the samples are missing ({losses.lost} lost on the link, "
-            f"{losses.rejected} damaged, {losses.dropped} dropped by the object): the score is degraded"
-        )
     warnings += [
         f"{segment.reason} at {segment.time_s:.1f} s; the orientation before and after may not have the same origin"
         for segment in trial.segments[1:]
@@ -128,8 +124,8 @@ def trial_warnings(trial: RecordedTrial) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def missing_per_cycle(series: OrientationSeries, endpoint_times_s: list[float]) -> list[int]:
-    """Count the samples missing between neighbouring end points.
+def samples_per_cycle(series: OrientationSeries, endpoint_times_s: list[float]) -> tuple[list[int], list[int]]:
+    """Count the samples missing, and those there should be, between neighbouring end points.
 
     Parameters
     ----------
@@ -140,15 +136,14 @@ def missing_per_cycle(series: OrientationSeries, endpoint_times_s: list[float]) 
 
     Returns
     -------
-    list of int
-        n − 1 counts.
+    missing, expected : list of int
+        n − 1 counts each.
     """
     if len(endpoint_times_s) < 2 or series.index_kind != "sequence":
-        return []
+        return [], []
     at = np.searchsorted(series.times_s, endpoint_times_s).clip(0, len(series) - 1)
     span, here = np.diff(series.index[at]), np.diff(at)
-    missing: list[int] = np.maximum(span - here, 0).tolist()
-    return missing
+    return np.maximum(span - here, 0).tolist(), np.maximum(span, 0).tolist()
 
 
 def describe_object(info: Info | None) -> dict[str, Any] | None:

@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_protocol.packets import Status
-from host.loss_ledger import LossLedger
+from host.loss_ledger import LossLedger, LossReport
+from host.loss_verdict import LossVerdict, judge_losses
 from host.sequence_unwrap import SequenceUnwrapper
 
 
@@ -161,3 +162,14 @@ def test_a_known_start_anchors_the_first_number():
     unwrapper = SequenceUnwrapper()
     unwrapper.restart(start=131_072)
     assert unwrapper.feed(np.array([3, 4], dtype=np.uint16), np.array([0, 1])).tolist() == [131_075, 131_076]
+
+
+def test_what_makes_a_score_degraded():
+    good = LossReport(produced=10_000, received=9_950, lost=50)
+    assert judge_losses(good, [0, 4, 6, 0], [100, 100, 100, 100]) == LossVerdict(False, (), (3,))
+    bad = LossReport(produced=10_000, received=9_850, lost=100, rejected=20, dropped=30)
+    verdict = judge_losses(bad, [10, 10, 0, 0], [100, 100, 100, 100])
+    assert verdict.degraded
+    assert "1.5 % of the samples are missing (100 lost on the link, 20 damaged, 30 dropped" in verdict.reasons[0]
+    assert "2 of 4 cycles miss more than 5 % of their samples (cycle 1, 2)" in verdict.reasons[1]
+    assert judge_losses(LossReport(), [], []) == LossVerdict(False, (), ())

@@ -7,7 +7,7 @@ from host.link import Link
 from host.playback import play
 from host.rate_meter import RateMeter
 from host.recorded_trial import assemble
-from host.result import missing_per_cycle, result_text, score_trial
+from host.result import result_text, samples_per_cycle, score_trial
 from host.screen import QuietScreen
 from host.stop_signals import StopSignals
 from host.transports.chunks import Chunk
@@ -116,8 +116,8 @@ def test_losses_reach_the_result(default):
 def test_missing_samples_are_counted_between_end_points_only():
     chunks, _ = virtual_chunks(scenario("ideal"), duration_s=3.0)
     series = assemble(chunks, "x").series
-    assert missing_per_cycle(series, [0.5, 1.0, 2.0]) == [0, 0]
-    assert missing_per_cycle(series, [0.5]) == []
+    assert samples_per_cycle(series, [0.5, 1.0, 2.0]) == ([0, 0], [50, 100])
+    assert samples_per_cycle(series, [0.5]) == ([], [])
 
 
 def test_an_object_that_was_reset_is_scored_with_a_warning(default):
