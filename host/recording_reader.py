@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -25,11 +26,13 @@ from mcap.writer import MCAP0_MAGIC
 
 from host import recording_format as fmt
 from host.errors import FileError
+from host.record_runs import MessageRun, RecordRuns
 from host.transports.chunks import AnyChunk
 
 MAX_RECORD_BYTES = 64 * 2**20
 """A longer record is damage: ours have at most 64 KiB."""
-READ_BLOCK_BYTES = 4 * 2**20
+READ_BLOCK_BYTES = 2**20
+HEADER_BLOCK_BYTES = 16 * 2**10
 _FRAME = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, KeyError)
@@ -109,32 +112,47 @@ class RecordingReader:
 
     def chunks(self, topic: str = fmt.RECEIVED) -> Iterator[AnyChunk]:
         """Give what the link delivered, in order, each with its time of reception."""
-        for message in self.messages({topic}):
+        for _, body in self._wanted({topic}):
             try:
-                yield fmt.decode_raw(message.data)
+                yield fmt.decode_raw(bytes(body[_MESSAGE.size :]))
             except fmt.DamagedMessageError as error:
                 self.damage.append(f"a record of {topic} is damaged ({error}) and left out")
 
     def messages(self, topics: Iterable[str] | None = None) -> Iterator[RecordedMessage]:
         """Give the messages on some topics (all without ``topics``), in the order of the file."""
-        wanted = None if topics is None else set(topics)
+        for topic, body in self._wanted(None if topics is None else set(topics)):
+            _, _, _, time_ns = _MESSAGE.unpack_from(body)
+            yield RecordedMessage(topic, bytes(body[_MESSAGE.size :]), time_ns)
+
+    def _wanted(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview]]:
+        """Give topic and body of the messages on some topics; the others are passed over many at a time."""
         self.damage.clear()
         with self._open() as file:
-            for kind, body in self._records(file):
+            for kind, body, run in self._records(file):
+                if run is not None:
+                    names = {
+                        channel: name for channel, name in self._channels.items() if topics is None or name in topics
+                    }
+                    if not names:
+                        continue
+                    chosen = np.isin(run.channels, list(names))
+                    columns = (run.channels[chosen], run.starts[chosen] + _FRAME.size, run.ends[chosen])
+                    for channel, start, end in zip(*(column.tolist() for column in columns), strict=True):
+                        yield names[channel], body[start:end]
+                    continue
                 if kind != Opcode.MESSAGE:
                     self._note_channel(kind, body)
                     continue
                 if len(body) < _MESSAGE.size:
                     self.damage.append("a message shorter than its header is left out")
                     continue
-                channel_id, _, _, time_ns = _MESSAGE.unpack_from(body)
-                topic = self._channels.get(channel_id)
-                if topic is not None and (wanted is None or topic in wanted):
-                    yield RecordedMessage(topic, bytes(body[_MESSAGE.size :]), time_ns)
+                topic = self._channels.get(_MESSAGE.unpack_from(body)[0])
+                if topic is not None and (topics is None or topic in topics):
+                    yield topic, body
 
     def _read_header(self) -> RecordingHeader:
         with self._open() as file:
-            for kind, body in self._records(file):
+            for kind, body, _ in self._records(file, HEADER_BLOCK_BYTES):
                 self._note_channel(kind, body)
                 if kind == Opcode.METADATA:
                     header = _parse_header(bytes(body))
@@ -173,17 +191,28 @@ class RecordingReader:
             return
         self._channels[channel.id] = channel.topic
 
-    def _records(self, file: IO[bytes]) -> Iterator[tuple[int, memoryview]]:
-        """Walk the records up to the footer, the end, or the first impossible length."""
+    def _records(
+        self, file: IO[bytes], block_bytes: int = READ_BLOCK_BYTES
+    ) -> Iterator[tuple[int, memoryview, MessageRun | None]]:
+        """Walk the records up to the footer, the end, or the first impossible length.
+
+        Gives kind and body of each; or, of messages that follow each other, the block they are in and their places.
+        """
         buffer = b""
         continuation = self._continuation
         while True:
-            block = file.read(READ_BLOCK_BYTES)
+            block = file.read(block_bytes)
             if not block:
                 block, continuation = continuation, b""
             view = memoryview(buffer + block) if buffer else memoryview(block)
             offset = 0
+            runs = RecordRuns(view)
             while len(view) - offset >= _FRAME.size:
+                run = runs.at(offset)
+                if run is not None:
+                    offset = int(run.ends[-1])
+                    yield Opcode.MESSAGE, view, run
+                    continue
                 kind, length = _FRAME.unpack_from(view, offset)
                 if length > MAX_RECORD_BYTES:
                     self.damage.append("a record has an impossible length: the rest of the file is not read")
@@ -196,9 +225,9 @@ class RecordingReader:
                 if kind in {Opcode.DATA_END, Opcode.FOOTER}:
                     return
                 if kind == Opcode.CHUNK:
-                    yield from self._chunk_records(body)
+                    yield from ((kind, body, None) for kind, body in self._chunk_records(body))
                 else:
-                    yield kind, body
+                    yield kind, body, None
             buffer = bytes(view[offset:])
             if not block:
                 left = f", {len(buffer)} bytes of a last record are left out" if buffer else ""

@@ -1,0 +1,65 @@
+"""Runs of message records against walking them one by one, with payloads full of what looks like records."""
+
+import random
+import struct
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from host.record_runs import MESSAGE_HEAD_BYTES, RecordRuns
+
+
+def record(kind: int, body: bytes) -> bytes:
+    return struct.pack("<BQ", kind, len(body)) + body
+
+
+def walked(block: bytes, offset: int = 0) -> list[tuple[int, int, int]]:
+    """Whole messages by the definition: start, end, channel; None for the others."""
+    found = []
+    while len(block) - offset >= 9:
+        kind, length = struct.unpack_from("<BQ", block, offset)
+        end = offset + 9 + length
+        if end > len(block):
+            break
+        channel = struct.unpack_from("<H", block, offset + 9)[0] if kind == 5 and length >= MESSAGE_HEAD_BYTES else None
+        found.append((offset, end, channel))
+        offset = end
+    return found
+
+
+def by_runs(block: bytes) -> list[tuple[int, int, int]]:
+    runs = RecordRuns(memoryview(block))
+    found = []
+    offset = 0
+    while len(block) - offset >= 9:
+        run = runs.at(offset)
+        if run is None:
+            _, length = struct.unpack_from("<BQ", block, offset)
+            if offset + 9 + length > len(block):
+                break
+            found.append((offset, offset + 9 + length, None))
+        else:
+            found += list(zip(run.starts.tolist(), run.ends.tolist(), run.channels.tolist(), strict=True))
+        offset = found[-1][1]
+    return found
+
+
+@given(seed=st.integers(0, 2**32), n=st.integers(0, 60), cut=st.integers(0, 200))
+@settings(derandomize=True, deadline=None, max_examples=150)
+def test_runs_are_the_records_that_walking_finds(seed, n, cut):
+    rng = random.Random(seed)
+    parts = []
+    for _ in range(n):
+        look_alike = record(5, bytes(rng.randrange(20, 40))) * rng.randrange(4)
+        payload = rng.randbytes(rng.randrange(5)) + look_alike + rng.choice([b"\x05", b"\0", b"\x05\0\0\0"]) * 9
+        head = struct.pack("<HIQQ", rng.randrange(1, 400), 5, 5, 2**40)
+        kind = rng.choice([5, 5, 5, 5, 4, 3, 12])
+        parts.append(record(kind, rng.choice([head + payload, head, payload[:21], b""])))
+    block = b"".join(parts)
+    block = block[: max(len(block) - cut, 0)]
+    assert by_runs(block) == walked(block)
+
+
+def test_a_message_of_many_megabytes_is_left_to_the_walk():
+    block = record(5, bytes(2**24 + 5)) + record(5, bytes(30))
+    assert by_runs(block) == [(0, len(block) - 39, None), (len(block) - 39, len(block), 0)]
