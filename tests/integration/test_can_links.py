@@ -1,5 +1,6 @@
 """The virtual object over every CAN link, through python-can: a conversation, samples, losses, trouble."""
 
+import contextlib
 import threading
 from typing import Any
 
@@ -41,6 +42,21 @@ def test_the_whole_conversation_works(name: str, request: pytest.FixtureRequest)
     assert min(stamps) > 0
     assert all(frame.interface_time_s > 0 for frame in frames)
     assert transport.interface_name
+
+
+def test_udp_multicast_carries_classic_and_fd() -> None:
+    pytest.importorskip("msgpack", reason="udp_multicast needs the extra rotdrift[multicast]")
+    for node, fd in ((11, 0), (12, 1)):
+        address = f"can:udp_multicast:239.74.163.{node}?node={node}&fd={fd}"
+        with contextlib.ExitStack() as stack:
+            uri, _ = stack.enter_context(object_on(address))
+            try:
+                transport = stack.enter_context(open_transport(uri))
+            except LinkError as error:
+                pytest.skip(f"no multicast here: {error}")
+            got = receive(transport, lambda got: got.n_samples > 50 and got.of(Info))
+            finish(transport, got)
+            assert got.link.counters.malformed == 0
 
 
 @pytest.mark.parametrize(
