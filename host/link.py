@@ -87,7 +87,14 @@ def decoder_for(chunk: AnyChunk, node: int | None = None) -> PacketDecoder:
 def coalesced(
     chunks: Iterable[AnyChunk], max_bytes: int = COALESCED_BYTES, max_span_ns: int = COALESCED_NS
 ) -> Iterator[AnyChunk]:
-    """Join neighbouring chunks, for reading a recording fast.
+    """Join neighbouring chunks, for reading a recording fast; as :func:`grouped` puts them together."""
+    return map(joined, grouped(chunks, max_bytes, max_span_ns))
+
+
+def grouped(
+    chunks: Iterable[AnyChunk], max_bytes: int = COALESCED_BYTES, max_span_ns: int = COALESCED_NS
+) -> Iterator[list[AnyChunk]]:
+    """Put neighbouring chunks together that may be joined.
 
     A chunk of one sample costs as much as one of a hundred. Empty chunks stay by themselves. The packets do not depend
     on how the bytes are cut; the time of reception becomes that of the last chunk joined, which only a clock estimate
@@ -111,15 +118,16 @@ def coalesced(
             or chunk.host_time_ns - kept[0].host_time_ns > max_span_ns
             or type(chunk) is not type(kept[0])
         ):
-            yield _joined(kept)
+            yield kept
             kept, size = [], 0
         kept.append(chunk)
         size += len(chunk.data)
     if kept:
-        yield _joined(kept)
+        yield kept
 
 
-def _joined(chunks: list[AnyChunk]) -> AnyChunk:
+def joined(chunks: list[AnyChunk]) -> AnyChunk:
+    """Make one chunk of several of a kind; it was received when the last of them was."""
     if len(chunks) == 1:
         return chunks[0]
     return type(chunks[0])(b"".join(chunk.data for chunk in chunks), chunks[-1].host_time_ns)

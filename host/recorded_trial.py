@@ -6,16 +6,18 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from analysis.series import OrientationSeries
 from firmware_protocol.packets import Event, Info, Status
 from firmware_protocol.stream import StreamCounters
 from host import recording_format as fmt
 from host.errors import UsageError
-from host.link import Link, coalesced
+from host.link import Link, grouped, joined
 from host.link_uri import parse_link_uri
 from host.loss_ledger import LossReport
 from host.recording_reader import RecordingHeader, RecordingReader
+from host.sample_arrivals import SampleArrivals, clock_values
 from host.samples import SampleAssembler, SampleBlock, SegmentStart, series_of
 from host.transports.chunks import AnyChunk
 
@@ -51,6 +53,8 @@ class RecordedTrial:
     events: tuple[TimedEvent, ...]
     reconnects: int
     """How often the link was lost and opened again."""
+    clock: dict[str, Any] | None
+    """What the offline pass says of the object's clock and of the link's jitter; None where nothing can be said."""
     segments: tuple[SegmentStart, ...]
     """Where the device was reset or its clock stepped, after the first."""
     damage: tuple[str, ...]
@@ -76,8 +80,11 @@ def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -
     events: list[TimedEvent] = []
     temperatures_c: list[float] = []
     reopened = 0
-    for chunk in coalesced(chunks):
+    arrivals = SampleArrivals()
+    for parts in grouped(chunks):
+        chunk = joined(parts)
         items = link.feed(chunk)
+        arrivals.feed(parts, items)
         if not chunk.data:
             assembler.reopened()
             reopened += 1
@@ -103,6 +110,7 @@ def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -
         temperatures_c=tuple(temperatures_c),
         events=tuple(events),
         reconnects=reopened,
+        clock=clock_values(arrivals.remapped(), arrivals.n_unplaced),
         segments=tuple(assembler.segments),
         damage=(),
         header=None,

@@ -74,6 +74,7 @@ def score_trial(
             "resets": max(0, len(trial.segments) - 1),
             "reconnects": trial.reconnects,
         },
+        "clock": trial.clock,
         "missing_per_cycle": missing,
         "quality": verdict.to_json(),
         "events": [dataclasses.asdict(event) for event in trial.events],
