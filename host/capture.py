@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from firmware_protocol.packets import Event, Info, Status
 from host import recording_format as fmt
@@ -65,6 +66,8 @@ class CaptureOutcome:
     """Records the disk did not take; they continue the recording."""
     elapsed_s: float
     """From the first sample to the end."""
+    clock: dict[str, Any] | None = None
+    """The live estimate of the object's clock at the end; the result's own is made from the recording."""
 
 
 class Capture:
@@ -141,6 +144,7 @@ class Capture:
             n_chunks=self._n_chunks,
             unwritten=self._recording.unwritten,
             elapsed_s=elapsed_ns / 1e9,
+            clock=self._trial.clock_values(),
         )
 
     def _until_end(self) -> str:

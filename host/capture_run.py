@@ -138,6 +138,7 @@ def _finish(
         "error": None if outcome.error is None else str(outcome.error),
         "warnings": list(outcome.warnings),
         "elapsed_s": outcome.elapsed_s,
+        "clock": outcome.clock,
     }
     try:
         trial = load_trial(recording_path, outcome.unwritten)

@@ -61,6 +61,12 @@ class LinkView:
     """Rate of the device clock over the host's; None until it is known."""
     jitter_p99_ms: float | None = None
     """99th percentile of what the link adds to its least latency."""
+    jitter_p50_ms: float | None = None
+    """Its median."""
+    offset_interval_ns: tuple[float, float] | None = None
+    """Host minus device clock lies between these; None without answers to TIME_REQUEST."""
+    clock_warm_up_s: float | None = None
+    """How long the estimate of the device clock took until it could be relied on; None until then."""
     reconnects: int = 0
     """How often the link was lost and came back."""
     segment_reason: str = ""
@@ -173,7 +179,7 @@ class TrialState:
     n_endpoints: int = 0
     """End points so far: one more than cycles."""
     cycles: tuple[CycleRow, ...] = ()
-    """The first end point and the cycles after it; of many the last :data:`host.trial.MAX_ROWS`."""
+    """The first end point and the cycles after it; of many the last :data:`host.running_score.MAX_ROWS`."""
     theta_bar_deg: float | None = None
     """θ̄ so far; provisional until ``finished``."""
     interval_deg: tuple[float, float] | None = None
