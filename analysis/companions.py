@@ -46,9 +46,9 @@ class DriftCompanions:
     """What θ̄ does not show, from the same end points. Degrees; world axes."""
 
     n_steps: int
-    """Number of steps; every figure below comes from these."""
+    """Number of steps that count; every figure below comes from these, but poses, which are of all end points."""
     step_axes: FloatArray
-    """(n−1, 3) unit axis of every step; zeros where a step is exactly nothing."""
+    """(n−1, 3) unit axis of every step, also of those left out; zeros where a step is exactly nothing."""
     mean_step_deg: float
     """Mean of the step angles; far above θ̄ where the steps scatter."""
     median_step_deg: float
@@ -97,19 +97,22 @@ def drift_companions(quats_wxyz: npt.ArrayLike, drift: RotationDrift | None = No
     quats = np.asarray(quats_wxyz, dtype=np.float64)
     if drift is None:
         drift = rotation_drift(quats)
-    vectors = drift.step_rotvecs_rad
+    counted = drift.counted_step_rotations_wxyz
+    vectors = rotations.log(counted)
     n_steps = len(vectors)
+    steps_deg = np.degrees(rotations.angle(counted))
     squared = float(np.sum(vectors**2))
-    residual = rotations.distance(drift.step_rotations_wxyz, drift.mean_rotation_wxyz)
-    left_out = np.degrees(leave_one_out(drift.step_rotations_wxyz)) if n_steps >= 2 else None
+    residual = rotations.distance(counted, drift.mean_rotation_wxyz)
+    left_out = np.degrees(leave_one_out(counted)) if n_steps >= 2 else None
     slope = pose_slope(vectors)
     slope_length = float(np.linalg.norm(slope))
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    every = drift.step_rotvecs_rad
+    lengths = np.linalg.norm(every, axis=1, keepdims=True)
     return DriftCompanions(
         n_steps=n_steps,
-        step_axes=np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0),
-        mean_step_deg=float(np.mean(drift.steps_deg)),
-        median_step_deg=float(np.median(drift.steps_deg)),
+        step_axes=np.divide(every, lengths, out=np.zeros_like(every), where=lengths > 0.0),
+        mean_step_deg=float(np.mean(steps_deg)),
+        median_step_deg=float(np.median(steps_deg)),
         dispersion_deg=float(np.degrees(np.sqrt(np.sum(residual**2) / max(n_steps - 1, 1)))),
         axis_share=float(np.sum((vectors @ drift.axis) ** 2)) / squared if squared > 0.0 else 0.0,
         net_rotation_deg=float(np.degrees(rotations.distance(quats[-1], quats[0]))),

@@ -12,6 +12,7 @@ Card RAL-SI-2020-B19-0838.4-V1.0, "Scoring". With q_1 … q_n the orientations a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,11 +40,18 @@ class RotationDrift:
     """(n−1,) angle of every r_i, rad, in [0, π]."""
     top_eigenvalue_share: float
     """Largest eigenvalue of M over its trace; 1 when all steps agree."""
+    left_out: tuple[int, ...] = ()
+    """Steps, from 0, that are kept here but do not count for r̄, by a person's decision."""
 
     @property
     def theta_bar_deg(self) -> float:
         """θ̄ in degrees."""
         return float(np.degrees(self.theta_bar_rad))
+
+    @property
+    def counted_step_rotations_wxyz(self) -> FloatArray:
+        """(m, 4) the steps that count: all but those left out."""
+        return np.delete(self.step_rotations_wxyz, self.left_out, axis=0) if self.left_out else self.step_rotations_wxyz
 
     @property
     def steps_deg(self) -> FloatArray:
@@ -80,7 +88,7 @@ def step_rotations(quats_wxyz: npt.ArrayLike) -> FloatArray:
     return np.where(steps[:, :1] < 0.0, -steps, steps)
 
 
-def rotation_drift(quats_wxyz: npt.ArrayLike) -> RotationDrift:
+def rotation_drift(quats_wxyz: npt.ArrayLike, left_out: Sequence[int] = ()) -> RotationDrift:
     """Score end points by the card: steps, average, θ̄.
 
     Parameters
@@ -88,6 +96,9 @@ def rotation_drift(quats_wxyz: npt.ArrayLike) -> RotationDrift:
     quats_wxyz
         (n, 4) unit orientations at the end points in cycle order, scalar first, body to world, one per cycle at the
         same phase; n ≥ 2.
+    left_out
+        Steps, from 0, that do not count: a person excluded these cycles. The card knows no such thing; whoever reports
+        a score says so.
 
     Returns
     -------
@@ -96,10 +107,15 @@ def rotation_drift(quats_wxyz: npt.ArrayLike) -> RotationDrift:
     Raises
     ------
     SeriesError
-        Fewer than 2 end points.
+        Fewer than 2 end points, no step left, or a step that is not there.
     """
     steps = step_rotations(quats_wxyz)
-    mean, share = rotations.average_and_share(steps)
+    without = tuple(sorted(set(left_out)))
+    if without and not 0 <= without[0] <= without[-1] < len(steps):
+        raise SeriesError(f"there are {len(steps)} steps, from 0; {without} cannot be left out")
+    if len(without) == len(steps):
+        raise SeriesError("every step is left out: no drift remains")
+    mean, share = rotations.average_and_share(np.delete(steps, without, axis=0) if without else steps)
     length = float(np.linalg.norm(mean[1:]))
     return RotationDrift(
         n_endpoints=len(steps) + 1,
@@ -109,6 +125,7 @@ def rotation_drift(quats_wxyz: npt.ArrayLike) -> RotationDrift:
         step_rotations_wxyz=steps,
         steps_rad=rotations.angle(steps),
         top_eigenvalue_share=share,
+        left_out=without,
     )
 
 

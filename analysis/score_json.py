@@ -53,6 +53,7 @@ def score_to_json(score: TrialScore) -> dict[str, Json]:
             "notes": score.notes,
         },
         "settings": {"cycles": asdict(score.cycles.settings)},
+        **({} if not score.excluded else {"excluded_cycles": [asdict(item) for item in score.excluded]}),
         **({} if score.published is None else {"as_published": _published(score)}),
         **score.extra,
     }

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from analysis.cycles import CycleAnalysis, CycleSettings, Endpoint, find_cycles
 from analysis.drift import rotation_drift
 from analysis.endpoint_choice import EndpointChoice, as_choice
 from analysis.series import OrientationSeries, SeriesError
-from analysis.trial_score import AutomaticScore, ScoredEndpoint, TrialScore, Window
+from analysis.trial_score import AutomaticScore, ExcludedCycle, ScoredEndpoint, TrialScore, Window
 from analysis.trust import endpoint_quats, with_figures
 
 MIN_CYCLES = 3
@@ -53,6 +54,7 @@ def score_series(
     losses: Mapping[str, int | float] | None = None,
     as_published: bool = False,
     preceding: Sequence[npt.ArrayLike] = (),
+    excluded: Sequence[ExcludedCycle] = (),
 ) -> TrialScore:
     """Score a recording by the card, with everything a reviewer would ask about it.
 
@@ -75,6 +77,8 @@ def score_series(
         Also compute the benchmark authors' Euler figure.
     preceding
         End points (m, 4) of the motions that the authors' script worked through before this one.
+    excluded
+        Cycles that a person left out: the step in which the middle of each lies is kept and flagged, but not counted.
 
     Returns
     -------
@@ -93,18 +97,22 @@ def score_series(
         selection = _searched(series, window, chosen)
     points = selection.endpoints
     reasons = list(selection.reasons)
-    if len(points) <= MIN_CYCLES and not any("fewer than" in reason for reason in reasons):
+    points, left_out, not_found = _exclude(points, excluded)
+    counted = len(points) - len(left_out)
+    if counted <= MIN_CYCLES and not any("fewer than" in reason for reason in reasons):
         reasons.append(
             f"fewer than {MIN_CYCLES} cycles: {len(points)} end points, {MIN_CYCLES + 1} make {MIN_CYCLES} cycles"
+            + (f", and {len(left_out)} cycles are left out" if left_out else "")
         )
     times_s = np.array([point.time_s for point in points])
     period_s = float(np.median(np.diff(times_s))) if len(points) > 1 else selection.cycles.period_s
     score = TrialScore(
         valid=not reasons,
         reasons=tuple(reasons),
-        warnings=(*series.warnings, *selection.warnings),
+        warnings=(*series.warnings, *selection.warnings, *not_found),
         notes=series.notes,
         endpoints=points,
+        excluded=left_out,
         index_kind=series.index_kind,
         period_s=period_s if np.isfinite(period_s) else None,
         cycles=selection.cycles,
@@ -175,6 +183,26 @@ def _edited(series: OrientationSeries, choice: EndpointChoice, settings: CycleSe
         reasons=(),
         warnings=tuple(warnings),
     )
+
+
+def _exclude(
+    points: tuple[ScoredEndpoint, ...], excluded: Sequence[ExcludedCycle]
+) -> tuple[tuple[ScoredEndpoint, ...], tuple[ExcludedCycle, ...], list[str]]:
+    """Find the steps of excluded cycles; flag the end points that close them."""
+    flagged, found, warnings = list(points), {}, []
+    for item in excluded:
+        middle_s = 0.5 * (item.from_s + item.to_s)
+        step = next((k for k, (a, b) in enumerate(pairwise(points)) if a.time_s <= middle_s < b.time_s), None)
+        if step is None:
+            warnings.append(f"the cycle left out at {item.to_s:.1f} s is none of those that are scored")
+            continue
+        found[step] = replace(item, step=step)
+        flagged[step + 1] = replace(
+            points[step + 1],
+            flags=(*points[step + 1].flags, "left out"),
+            reason=item.reason or points[step + 1].reason,
+        )
+    return tuple(flagged), tuple(found[step] for step in sorted(found)), warnings
 
 
 def _own_time(series: OrientationSeries, window: tuple[float | None, float | None]) -> tuple[float, float]:

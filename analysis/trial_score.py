@@ -102,6 +102,20 @@ class OtherExtreme:
     """In time order."""
 
 
+@dataclass(frozen=True)
+class ExcludedCycle:
+    """A cycle that a person left out: kept, flagged, with the reason."""
+
+    from_s: float
+    """End point at its begin, recording's own time, s, as far as known when it was left out."""
+    to_s: float
+    """End point at its end."""
+    reason: str
+    """The person's; may be empty."""
+    step: int = -1
+    """Number of its step, from 0; −1 before it is found among the scored ones."""
+
+
 @dataclass(frozen=True, eq=False)
 class TrialScore:
     """Everything about one trial. ``drift`` and what follows from it are None unless ``valid``."""
@@ -126,6 +140,8 @@ class TrialScore:
     """Which end points were taken."""
     automatic: AutomaticScore | None
     """The automatic score, where the window was given or edited."""
+    excluded: tuple[ExcludedCycle, ...] = ()
+    """Cycles a person left out."""
     drift: RotationDrift | None = None
     """θ̄ by the card."""
     companions: DriftCompanions | None = None

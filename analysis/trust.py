@@ -69,9 +69,9 @@ def with_figures(
     """
     quats = endpoint_quats(score.endpoints)
     times_s = [point.time_s for point in score.endpoints]
-    drift = rotation_drift(quats)
+    drift = rotation_drift(quats, [item.step for item in score.excluded])
     companions = drift_companions(quats, drift)
-    interval = drift_interval(drift.step_rotations_wxyz)
+    interval = drift_interval(drift.counted_step_rotations_wxyz)
     sensor = _sensor_share(score, series, drift, baseline)
     return replace(
         score,
@@ -138,6 +138,11 @@ def _trust_warnings(
             warnings.append(f"without the {name} end point θ̄ would be {value:.2f} deg instead of {theta:.2f} deg")
     if interval is None:
         warnings.append(f"{companions.n_steps} steps are too few for a confidence interval")
+    if score.excluded:
+        warnings.append(
+            f"{len(score.excluded)} of {drift.n_endpoints - 1} cycles are left out by the operator, which the "
+            "benchmark's card does not foresee; they are kept and listed"
+        )
     flagged = sum(1 for point in score.endpoints if point.flags)
     if flagged:
         warnings.append(f"{flagged} of {len(score.endpoints)} end points are flagged as irregular; they are kept")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from host.errors import UsageError
 from host.link import Link, grouped, joined
 from host.link_uri import parse_link_uri
 from host.loss_ledger import LossReport
+from host.operator_actions import OperatorAction, action_of
 from host.recording_reader import RecordingHeader, RecordingReader
 from host.sample_arrivals import SampleArrivals, clock_values
 from host.samples import SampleAssembler, SampleBlock, SegmentStart, series_of
@@ -61,6 +62,8 @@ class RecordedTrial:
     """What was wrong with the file."""
     header: RecordingHeader | None
     """What the file says of itself; None where the chunks came from elsewhere."""
+    actions: tuple[OperatorAction, ...] = ()
+    """What the operator did, in order, at most :data:`MAX_EVENTS`."""
 
 
 def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -> RecordedTrial:
@@ -135,8 +138,21 @@ def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
         Its samples cannot be a series.
     """
     reader = RecordingReader(path, continuation)
-    trial = assemble(reader.chunks(fmt.RECEIVED), str(path), _node(reader.header))
-    return replace(trial, damage=tuple(reader.damage), header=reader.header)
+    actions: list[OperatorAction] = []
+    trial = assemble(_chunks(reader, actions), str(path), _node(reader.header))
+    return replace(trial, actions=tuple(actions), damage=tuple(reader.damage), header=reader.header)
+
+
+def _chunks(reader: RecordingReader, actions: list[OperatorAction]) -> Iterator[AnyChunk]:
+    """Give what the link delivered; collect what the operator did on the way."""
+    for message in reader.messages({fmt.RECEIVED, fmt.ACTION}):
+        try:
+            if message.topic == fmt.RECEIVED:
+                yield fmt.decode_raw(message.data)
+            elif len(actions) < MAX_EVENTS:
+                actions.append(action_of(message.values()))
+        except (ValueError, KeyError) as error:
+            reader.damage.append(f"a record of {message.topic} is damaged ({error}) and left out")
 
 
 def _node(header: RecordingHeader) -> int | None:

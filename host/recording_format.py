@@ -2,8 +2,9 @@
 
 A recording is an MCAP file. The first channel, ``/raw/received``, holds exactly what the link delivered, with the
 host's monotonic time and a CRC-32 of both; it is the truth, and every score can be recomputed from it. ``/raw/sent``
-holds what the host sent. The other channels are for viewers (Foxglove, PlotJuggler, ROS 2 tools) and for people:
-nothing reads them back. All messages are ROS 2's: CDR bytes with a ``ros2msg`` schema in the file.
+holds what the host sent. ``/trial/action`` holds what the operator did: the trial window and the cycles left out are
+read back from it. The other channels are for viewers (Foxglove, PlotJuggler, ROS 2 tools) and for people: nothing reads
+them back. All messages are ROS 2's: CDR bytes with a ``ros2msg`` schema in the file.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ STATUS = "/object/status"
 EVENT = "/object/event"
 ENDPOINT = "/trial/endpoint"
 NOTE = "/trial/note"
+ACTION = "/trial/action"
 
 WORLD_FRAME = "world"
 
@@ -119,6 +121,16 @@ ENDPOINT_TYPE = RosMessageType(
         RosField("string", "flags", "what is odd about it, separated by commas"),
     ),
 )
+ACTION_TYPE = RosMessageType(
+    "rotdrift_msgs/msg/Action",
+    (
+        RosField("string", "kind", "marker, note, window-start, window-stop, exclude, include, finish, pause, ..."),
+        RosField("float64", "time_s", "newest sample at that moment, since the first sample; NaN before it"),
+        RosField("string", "text", "what was typed"),
+        RosField("float64", "from_s", "end point at the begin of the cycle that is meant; NaN where none is"),
+        RosField("float64", "to_s", "end point at its end"),
+    ),
+)
 NOTE_TYPE = RosMessageType(
     "rotdrift_msgs/msg/Note",
     (RosField("string", "kind"), RosField("string", "text")),
@@ -148,6 +160,7 @@ TOPICS = (
             (EVENT, EVENT_TYPE),
             (ENDPOINT, ENDPOINT_TYPE),
             (NOTE, NOTE_TYPE),
+            (ACTION, ACTION_TYPE),
         )
     ),
 )

@@ -17,10 +17,11 @@ import numpy as np
 from analysis.endpoint_choice import EndpointChoice
 from analysis.scoring import score_series
 from analysis.series import OrientationSeries
-from analysis.trial_score import TrialScore, finite
+from analysis.trial_score import ExcludedCycle, TrialScore, finite
 from firmware_protocol.packets import Info
 from host.errors import FileError
 from host.loss_verdict import judge_losses
+from host.operator_actions import OperatorEdits, edits_of
 from host.plain_text import plain
 from host.recorded_trial import RecordedTrial
 from host.version import VERSION
@@ -38,6 +39,8 @@ class ScoreOptions:
     """File of the sensor's static baseline."""
     as_published: bool = False
     """Also the benchmark authors' Euler figure."""
+    honour_actions: bool = True
+    """Whether the operator's trial window and left-out cycles count; end points or a window chosen here go before."""
 
 
 def score_trial(
@@ -59,7 +62,16 @@ def score_trial(
     AnalysisError
         Chosen end points or window do not fit the recording, or the baseline file is none.
     """
-    score = score_plain(trial.series, options, trial.losses.to_json())
+    options = options or ScoreOptions()
+    edits = edits_of(trial.actions) if options.honour_actions else OperatorEdits()
+    honoured = options.window is None and options.endpoints is None and edits.window is not None
+    if honoured:
+        options = replace(options, window=edits.window)
+    score = score_plain(
+        trial.series, options, trial.losses.to_json(), edits.excluded if options.endpoints is None else ()
+    )
+    if honoured:
+        score = replace(score, window=replace(score.window, source="the operator, during the capture"))
     missing, expected = samples_per_cycle(trial.series, [point.time_s for point in score.endpoints])
     verdict = judge_losses(trial.losses, missing, expected)
     extra: dict[str, Any] = {
@@ -78,6 +90,7 @@ def score_trial(
         "missing_per_cycle": missing,
         "quality": verdict.to_json(),
         "events": [dataclasses.asdict(event) for event in trial.events],
+        "operator": [dataclasses.asdict(action) for action in trial.actions],
         "rotdrift_version": VERSION,
     }
     if capture is not None:
@@ -87,9 +100,12 @@ def score_trial(
 
 
 def score_plain(
-    series: OrientationSeries, options: ScoreOptions | None = None, losses: dict[str, Any] | None = None
+    series: OrientationSeries,
+    options: ScoreOptions | None = None,
+    losses: dict[str, Any] | None = None,
+    excluded: tuple[ExcludedCycle, ...] = (),
 ) -> TrialScore:
-    """Score a series as the options say.
+    """Score a series as the options say; ``excluded`` cycles are kept but not counted.
 
     Raises
     ------
@@ -109,6 +125,7 @@ def score_plain(
         baseline=baseline,
         losses=losses,
         as_published=options.as_published,
+        excluded=excluded,
     )
     return replace(score, extra={**score.extra, "rotdrift_version": VERSION})
 

@@ -8,11 +8,12 @@ from host.playback import play
 from host.rate_meter import RateMeter
 from host.recorded_trial import assemble
 from host.result import result_text, samples_per_cycle, score_trial
+from host.running_score import MAX_ROWS
 from host.screen import QuietScreen
 from host.stop_signals import StopSignals
 from host.transports.chunks import Chunk
 from host.transports.replay import ReplayTransport
-from host.trial import MAX_ROWS, Trial
+from host.trial import Trial
 from host.trial_state import LinkView
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
 

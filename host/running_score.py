@@ -1,0 +1,171 @@
+"""The running score of a live trial: end points in, rows and θ̄ out; the operator's window and exclusions honoured."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis import rotations
+from analysis.cycle_analysis import Endpoint
+from analysis.drift import rotation_drift
+from analysis.precision import steps_needed
+from analysis.uncertainty import MIN_STEPS, DriftInterval, drift_interval
+from host.trial_state import CycleRow, WindowView
+
+MAX_ROWS = 200
+"""Cycles kept as rows; the score is of all."""
+EVERY_CYCLE = 100
+"""Up to so many end points the interval is computed at each; beyond, at every tenth."""
+OUTSIDE = "outside the trial window"
+
+
+class RunningScore:
+    """End points and what they give so far.
+
+    Parameters
+    ----------
+    target_half_width_deg : float, optional
+        Half-width of the interval that is aimed at; without one, half the present half-width.
+    """
+
+    def __init__(self, target_half_width_deg: float | None = None) -> None:
+        self._target_deg = target_half_width_deg
+        self._rows: deque[CycleRow] = deque(maxlen=MAX_ROWS)
+        self._times_s: list[float] = []
+        self._quats: list[npt.NDArray[np.float64]] = []
+        self._left_out: dict[int, str] = {}
+        self.window: WindowView | None = None
+        self.theta_bar_deg: float | None = None
+        self.interval: DriftInterval | None = None
+
+    @property
+    def rows(self) -> tuple[CycleRow, ...]:
+        """The newest cycles."""
+        return tuple(self._rows)
+
+    @property
+    def n_endpoints(self) -> int:
+        """End points that count: in the window, less one for every cycle left out."""
+        inside = [k for k in range(len(self._times_s)) if self._inside(k)]
+        return len(inside) - sum(1 for k in self._left_out if self._step_inside(k)) if inside else 0
+
+    @property
+    def origin_wxyz(self) -> tuple[float, float, float, float] | None:
+        """Orientation at the first end point that counts."""
+        return next((_four(self._quats[k]) for k in range(len(self._quats)) if self._inside(k)), None)
+
+    @property
+    def more_cycles(self) -> int | None:
+        """How many more cycles the target asks for; None where it cannot be said."""
+        if self.interval is None or self._target_deg is None:
+            return None
+        needed = steps_needed(self.interval, self._target_deg)
+        return None if needed is None else max(0, needed - self.interval.n_steps)
+
+    def enter(self, endpoint: Endpoint) -> CycleRow:
+        """Take an end point and give its row."""
+        quat = np.asarray(endpoint.quat_wxyz, dtype=np.float64)
+        number, time_s = len(self._quats), float(endpoint.time_s)
+        period_s = step_deg = axis = None
+        if number:
+            step = rotations.log(rotations.difference(quat, self._quats[-1]))
+            step_rad = float(np.linalg.norm(step))
+            step_deg, axis = float(np.degrees(step_rad)), _axis(step, step_rad)
+            period_s = time_s - self._times_s[-1]
+        self._quats.append(quat)
+        self._times_s.append(time_s)
+        self._score(always=False)
+        row = CycleRow(
+            number=number,
+            time_s=time_s,
+            period_s=period_s,
+            step_deg=step_deg,
+            step_axis=axis,
+            theta_bar_deg=self.theta_bar_deg,
+            flags=tuple(endpoint.flags),
+            quat_wxyz=_four(quat),
+            excluded=self._reason(number),
+        )
+        self._rows.append(row)
+        return row
+
+    def forget(self) -> None:
+        """Begin again: what looked like cycles was a part of one, or movement before the first."""
+        for kept in (self._rows, self._quats, self._times_s, self._left_out):
+            kept.clear()
+        self.theta_bar_deg = self.interval = None
+
+    def set_window(self, window: WindowView | None) -> None:
+        """Count only end points inside a window."""
+        self.window = window
+        self._edited()
+
+    def leave_out(self, number: int, reason: str) -> tuple[float, float] | None:
+        """Leave out the cycle of a number; returns the times of its end points, None where there is no such cycle."""
+        if not 0 < number < len(self._times_s):
+            return None
+        self._left_out[number] = reason or "no reason given"
+        self._edited()
+        return self._times_s[number - 1], self._times_s[number]
+
+    def take_back(self, number: int) -> tuple[float, float] | None:
+        """Count a cycle again; returns the times of its end points, None where it was not left out."""
+        if number not in self._left_out:
+            return None
+        del self._left_out[number]
+        self._edited()
+        return self._times_s[number - 1], self._times_s[number]
+
+    def number_at(self, from_s: float, to_s: float) -> int | None:
+        """Find the cycle in which the middle of a stretch lies."""
+        middle_s = 0.5 * (from_s + to_s)
+        number = int(np.searchsorted(self._times_s, middle_s, side="right"))
+        return number if 0 < number < len(self._times_s) else None
+
+    def _inside(self, k: int) -> bool:
+        window = self.window
+        if window is None:
+            return True
+        time_s = self._times_s[k]
+        return (window.from_s is None or time_s >= window.from_s) and (window.to_s is None or time_s <= window.to_s)
+
+    def _step_inside(self, number: int) -> bool:
+        return self._inside(number - 1) and self._inside(number)
+
+    def _reason(self, number: int) -> str:
+        if number in self._left_out:
+            return self._left_out[number]
+        return "" if self._inside(number) and (number == 0 or self._inside(number - 1)) else OUTSIDE
+
+    def _edited(self) -> None:
+        self._score(always=True)
+        self._rows = deque((replace(row, excluded=self._reason(row.number)) for row in self._rows), maxlen=MAX_ROWS)
+
+    def _score(self, always: bool) -> None:
+        inside = [k for k in range(len(self._quats)) if self._inside(k)]
+        left_out = [k - 1 - inside[0] for k in self._left_out if self._step_inside(k)] if inside else []
+        n_steps = len(inside) - 1 - len(left_out)
+        if n_steps < 1:
+            self.theta_bar_deg = self.interval = None
+            return
+        drift = rotation_drift(np.array([self._quats[k] for k in inside]), left_out)
+        self.theta_bar_deg = drift.theta_bar_deg
+        if n_steps < MIN_STEPS:
+            self.interval = None
+        elif always or n_steps < EVERY_CYCLE or n_steps % 10 == 0:
+            self.interval = drift_interval(drift.counted_step_rotations_wxyz)
+
+
+def _axis(step: npt.NDArray[np.float64], step_rad: float) -> tuple[float, float, float] | None:
+    if step_rad < 1e-9:
+        return None
+    x, y, z = (float(part) for part in step / step_rad)
+    return x, y, z
+
+
+def _four(quat: npt.NDArray[np.float64]) -> tuple[float, float, float, float]:
+    w, x, y, z = (float(part) for part in quat)
+    return w, x, y, z
