@@ -279,6 +279,8 @@ class Trial:
             crc_errors=counters.crc_errors,
             malformed=counters.malformed,
             segments=len(self.assembler.segments),
+            segment_reason=self.assembler.segments[-1].reason if self.assembler.segments else "",
+            reconnects=self.reconnects,
             skew_ppm=estimate.skew_ppm if estimate is not None and estimate.warm else None,
             jitter_p99_ms=None if estimate is None else _number(estimate.jitter_p99_ns / 1e6),
             jitter_p50_ms=None if estimate is None else _number(estimate.jitter_p50_ns / 1e6),
