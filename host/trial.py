@@ -15,25 +15,24 @@ import numpy as np
 import numpy.typing as npt
 
 from analysis import rotations
-from analysis.cycle_analysis import Endpoint
-from analysis.drift import rotation_drift
+from analysis.baseline import StaticBaseline
 from analysis.online_cycles import OnlineCycleDetector
-from analysis.uncertainty import MIN_STEPS, drift_interval
 from firmware_protocol.packets import Event, Info, OrientationBatch, OrientationFlag, Status
 from firmware_protocol.stream import StreamItem
 from host.clock import ClockEstimate, DeviceClock
 from host.link import Link
 from host.plain_text import plain
 from host.rate_meter import RateMeter
+from host.running_score import RunningScore
 from host.samples import SampleAssembler, SampleBlock
 from host.session import RoundTrip
 from host.transports.chunks import AnyChunk
 from host.trial_state import CycleRow, LinkView, MotionView, SensorView, TrialState
 
-MAX_ROWS = 200
-"""Cycles kept as rows; the score is of all."""
-EVERY_CYCLE = 100
-"""Up to so many end points the interval is computed at each; beyond, at every tenth."""
+TURN_S = 0.5
+"""Stretch over which the turning rate is taken."""
+SATURATION_S = 1.0
+"""How long a saturated sample is shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +67,10 @@ class Trial:
         When the capture will end.
     node : int, optional
         Node id of the object on a bus; by default the first that is heard.
+    target_half_width_deg : float, optional
+        Half-width of the interval that the capture aims at.
+    baseline : StaticBaseline, optional
+        Of the sensor, for its floor.
     """
 
     def __init__(
@@ -76,18 +79,22 @@ class Trial:
         target_cycles: int | None = None,
         target_s: float | None = None,
         node: int | None = None,
+        target_half_width_deg: float | None = None,
+        baseline: StaticBaseline | None = None,
     ) -> None:
         self.link = Link(node=node)
         self.assembler = SampleAssembler()
         self._clock = DeviceClock()
         self._detector = OnlineCycleDetector()
         self._rate = RateMeter()
-        self._base = TrialState(title=title, target_cycles=target_cycles, target_s=target_s)
-        self._rows: deque[CycleRow] = deque(maxlen=MAX_ROWS)
-        self._quats: list[npt.NDArray[np.float64]] = []
-        self._theta_bar_deg: float | None = None
-        self._interval_deg: tuple[float, float] | None = None
-        self._last_endpoint_s: float | None = None
+        self._base = TrialState(
+            title=title, target_cycles=target_cycles, target_s=target_s, target_half_width_deg=target_half_width_deg
+        )
+        self.score = RunningScore(target_half_width_deg)
+        """End points so far, and the operator's edits."""
+        self._baseline = baseline
+        self._recent: deque[tuple[float, npt.NDArray[np.float64]]] = deque(maxlen=64)
+        self._saturated_s = -np.inf
         self._withdrawn = 0
         self._newest_s = 0.0
         self._last_block: SampleBlock | None = None
@@ -96,8 +103,8 @@ class Trial:
 
     @property
     def n_endpoints(self) -> int:
-        """End points confirmed so far."""
-        return len(self._quats)
+        """End points that count so far."""
+        return self.score.n_endpoints
 
     @property
     def paused(self) -> bool:
@@ -151,14 +158,18 @@ class Trial:
         warnings : tuple of str
             What a person should know.
         """
-        online = self._detector.state
+        online, interval = self._detector.state, self.score.interval
         return replace(
             self._base,
             elapsed_s=elapsed_s,
             n_endpoints=self.n_endpoints,
-            cycles=tuple(self._rows),
-            theta_bar_deg=self._theta_bar_deg,
-            interval_deg=self._interval_deg,
+            cycles=self.score.rows,
+            theta_bar_deg=self.score.theta_bar_deg,
+            interval_deg=None if interval is None else (interval.low_deg, interval.high_deg),
+            half_width_deg=None if interval is None else interval.half_width_deg,
+            more_cycles=self.score.more_cycles,
+            origin_wxyz=self.score.origin_wxyz,
+            window=self.score.window,
             motion=MotionView(
                 phase=self._motion_phase(),
                 moving=online.moving,
@@ -166,6 +177,7 @@ class Trial:
                 swing_deg=online.swing_deg or None,
                 cycle_phase=online.phase if online.endpoints else None,
                 flags=online.flags,
+                turn_rate_dps=self._turn_rate_dps(),
             ),
             sensor=self._sensor_view(),
             link=self._link_view(link, now_ns),
@@ -204,48 +216,33 @@ class Trial:
 
     def _feed_block(self, block: SampleBlock) -> list[CycleRow]:
         self._newest_s = max(self._newest_s, float(block.time_s.max()))
+        if not self._recent or block.time_s[-1] - self._recent[-1][0] >= TURN_S / 16:
+            self._recent.append((float(block.time_s[-1]), block.quats_wxyz[-1]))
+        if np.any(block.flags & OrientationFlag.SATURATED):
+            self._saturated_s = self._newest_s
         # Samples that come late are in the recording; the detector, being causal, passes them over.
         found = self._detector.feed(block.time_s, block.quats_wxyz, block.index.tolist())
         withdrawn = self._detector.state.withdrawn
         if withdrawn > self._withdrawn:
             self._withdrawn = withdrawn
-            self._forget_endpoints()
-        return [self._enter(endpoint) for endpoint in found]
+            self.score.forget()
+        return [self.score.enter(endpoint) for endpoint in found]
 
-    def _forget_endpoints(self) -> None:
-        """Begin again: what looked like cycles was a part of one, or movement before the first."""
-        self._rows.clear()
-        self._quats.clear()
-        self._theta_bar_deg = self._interval_deg = self._last_endpoint_s = None
+    def _turn_rate_dps(self) -> float | None:
+        """Mean turning rate over the last half second, deg/s."""
+        if len(self._recent) < 2:
+            return None
+        time_s, quat = self._recent[-1]
+        since_s, before = next(((t, q) for t, q in self._recent if time_s - t <= TURN_S), self._recent[-1])
+        if time_s <= since_s:
+            return None
+        return float(np.degrees(rotations.distance(quat, before))) / (time_s - since_s)
 
-    def _enter(self, endpoint: Endpoint) -> CycleRow:
-        quat = np.asarray(endpoint.quat_wxyz, dtype=np.float64)
-        previous = self._quats[-1] if self._quats else None
-        self._quats.append(quat)
-        step_deg = axis = None
-        if previous is not None:
-            step = rotations.log(rotations.difference(quat, previous))
-            step_rad = float(np.linalg.norm(step))
-            step_deg = float(np.degrees(step_rad))
-            axis = _axis(step, step_rad)
-            drift = rotation_drift(np.array(self._quats))
-            self._theta_bar_deg = drift.theta_bar_deg
-            n = len(self._quats)
-            if n > MIN_STEPS and (n <= EVERY_CYCLE or n % 10 == 0):
-                interval = drift_interval(drift.step_rotations_wxyz)
-                self._interval_deg = None if interval is None else (interval.low_deg, interval.high_deg)
-        row = CycleRow(
-            number=len(self._quats) - 1,
-            time_s=float(endpoint.time_s),
-            period_s=None if self._last_endpoint_s is None else float(endpoint.time_s) - self._last_endpoint_s,
-            step_deg=step_deg,
-            step_axis=axis,
-            theta_bar_deg=self._theta_bar_deg,
-            flags=tuple(endpoint.flags),
-        )
-        self._last_endpoint_s = float(endpoint.time_s)
-        self._rows.append(row)
-        return row
+    def _floor_deg(self) -> float | None:
+        period_s = self.period_s
+        if self._baseline is None or period_s is None:
+            return None
+        return self._baseline.detectable_deg(period_s, max(2, self.n_endpoints))
 
     def _motion_phase(self) -> str:
         if self._last_block is None:
@@ -260,10 +257,12 @@ class Trial:
             name="" if info is None else plain(info.name, 32),
             device_id="" if info is None else f"{info.device_id:016x}",
             still=None if flags is None else OrientationFlag.STILL in flags,
-            saturated=flags is not None and OrientationFlag.SATURATED in flags,
+            saturated=self._newest_s - self._saturated_s < SATURATION_S,
             calibrated=None if flags is None else OrientationFlag.CALIBRATED in flags,
             temperature_c=_number(status.temperature_c) if isinstance(status, Status) else None,
             battery_v=status.battery_mv / 1000 if isinstance(status, Status) and status.battery_mv else None,
+            heading_deg_per_min=None if self._baseline is None else self._baseline.total_rate_deg_per_min,
+            floor_deg=self._floor_deg(),
             orientation_wxyz=None if w is None or x is None or y is None or z is None else (w, x, y, z),
         )
 
@@ -285,21 +284,12 @@ class Trial:
             jitter_p50_ms=None if estimate is None else _number(estimate.jitter_p50_ns / 1e6),
             offset_interval_ns=None if estimate is None else _interval(estimate),
             clock_warm_up_s=None if estimate is None else estimate.warm_up_s,
-            reconnects=self.reconnects,
-            segment_reason=self.assembler.segments[-1].reason if self.assembler.segments else "",
         )
 
 
 def _interval(estimate: ClockEstimate) -> tuple[float, float] | None:
     low_ns = estimate.offset_low_ns
     return None if low_ns is None else (low_ns, estimate.offset_high_ns)
-
-
-def _axis(step: npt.NDArray[np.float64], step_rad: float) -> tuple[float, float, float] | None:
-    if step_rad < 1e-9:
-        return None
-    x, y, z = (float(part) for part in step / step_rad)
-    return x, y, z
 
 
 def _number(value: float) -> float | None:
