@@ -10,6 +10,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
+_UNIT_ROUNDING = 1e-15
 NORM_TOLERANCE = 1e-2
 """A quaternion whose norm is further from 1 than this is refused, not silently normalised."""
 
@@ -125,6 +126,8 @@ class OrientationSeries:
                 f"the quaternion of sample {first} has norm {norms[first]:.4f}, not 1: wrong columns or units?"
             )
         object.__setattr__(self, "times_s", times_s)
+        # Dividing what is unit already would move the last bits: a copy of a series must be the same series.
+        norms[np.abs(norms - 1.0) <= _UNIT_ROUNDING] = 1.0
         object.__setattr__(self, "quats_wxyz", quats / norms[:, None])
         object.__setattr__(self, "index", index)
 

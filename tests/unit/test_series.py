@@ -1,5 +1,7 @@
 """What an orientation series accepts, and how its samples are found."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,3 +58,11 @@ def test_samples_are_found_by_row_even_when_set_aside():
     assert recording.sample(2).position_m == (7.0, 8.0, 9.0)
     with pytest.raises(SeriesError, match="no row 4 in the recording \\(0 to 3\\)"):
         recording.sample(4)
+
+
+def test_a_copy_of_a_series_is_bit_for_bit_the_same():
+    rng = np.random.default_rng(3)
+    quats = rng.normal(size=(2000, 4))
+    quats *= (1.0 + rng.uniform(-5e-3, 5e-3, size=2000))[:, None] / np.linalg.norm(quats, axis=1)[:, None]
+    first = OrientationSeries(np.arange(2000.0), quats, np.arange(2000))
+    np.testing.assert_array_equal(replace(first, source="copy").quats_wxyz, first.quats_wxyz)
