@@ -120,7 +120,7 @@ def test_packets_do_not_depend_on_how_frames_are_cut(fd: bool, cuts: list[int]) 
         parts += decoder.feed(pack_frames(frames[start : start + cut]))
         start += cut
         step += 1
-    assert shape(parts) == whole
+    assert repr(shape(parts)) == repr(whole)  # repr: an unknown temperature is NaN
     assert len(whole) == 200 + 10
 
 

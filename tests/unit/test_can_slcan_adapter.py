@@ -42,7 +42,7 @@ def test_wrong_lines_are_refused_and_harmless(line: bytes) -> None:
     adapter = SlcanAdapter()
     adapter.from_host(b"O\r")
     assert adapter.from_host(line + b"\r") == (b"\a", [])
-    assert adapter.from_host(b"t1230\r") == (b"z\r", [CanFrame(0x123, b"")])
+    assert repr(adapter.from_host(b"t1230\r")) == repr((b"z\r", [CanFrame(0x123, b"")]))  # repr: times are NaN
 
 
 @st.composite
@@ -67,7 +67,7 @@ def test_what_goes_in_as_lines_comes_out_as_frames_however_it_is_cut(frames: lis
         size = next(step)
         found += adapter.from_host(wire[:size])[1]
         wire = wire[size:]
-    assert found == frames
+    assert repr(found) == repr(frames)
 
 
 @given(st.binary(max_size=300))
@@ -89,9 +89,9 @@ def test_socketcand_speaks_as_its_protocol_says() -> None:
     assert session.hears(1000 + QUIET_MS)
     assert session.from_bus(CanFrame(0x123, b"\x01\xab"), 2500) == b"< frame 123 2.500000 01AB >"
     assert session.from_bus(CanFrame(0x123, b"", FrameFlag.FD), 2500) == b""
-    assert session.from_host(b"< send 123 2 1 ab >") == (b"", [CanFrame(0x123, b"\x01\xab")])
+    assert repr(session.from_host(b"< send 123 2 1 ab >")) == repr((b"", [CanFrame(0x123, b"\x01\xab")]))
     assert session.from_host(b"< send 123 3 1 ab >")[1] == []
-    assert session.from_host(b"< send 00000123 0 >")[1] == [CanFrame(0x123, b"", FrameFlag.EXTENDED)]
+    assert repr(session.from_host(b"< send 00000123 0 >")[1]) == repr([CanFrame(0x123, b"", FrameFlag.EXTENDED)])
 
 
 def test_python_can_reads_socketcand_lines_the_same() -> None:
