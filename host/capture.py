@@ -11,20 +11,24 @@ import shutil
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from firmware_protocol.packets import Event, Info, Status
 from host import recording_format as fmt
+from host.alarms import AlarmWatch
 from host.errors import HostError, LinkError, LinkLostError
+from host.guide import Guide, GuideSettings
+from host.operator_actions import GUIDE, OperatorAction
+from host.operator_desk import OperatorDesk
 from host.reader import ReaderThread
 from host.recording import RecordingWriter
 from host.screen import Screen
 from host.session import Phase, Session, SessionSettings
 from host.transports.chunks import AnyChunk, Transport
 from host.trial import Trial, TrialUpdate
-from host.trial_state import LinkView, RecordingView
+from host.trial_state import LinkView, RecordingView, TrialState
 
 LOOP_S = 0.02
 """Longest wait for a chunk: how late a timeout or a flush may be."""
@@ -47,6 +51,10 @@ class CaptureSettings:
     """How long a lost link may take to come back; 0 ends the capture at once."""
     debug_link: Path | None = None
     """File for everything that crosses the link, in hexadecimal; see :mod:`host.transports.link_log`."""
+    until_half_width_deg: float | None = None
+    """End when the confidence interval of θ̄ is so narrow: half its width, deg."""
+    guide: GuideSettings | None = None
+    """Lead through the trial step by step; None for no guide."""
     linger_periods: float = 0.35
     """How long to go on after the last cycle: the offline search wants to see the way back from it."""
 
@@ -68,6 +76,8 @@ class CaptureOutcome:
     """From the first sample to the end."""
     clock: dict[str, Any] | None = None
     """The live estimate of the object's clock at the end; the result's own is made from the recording."""
+    last_state: TrialState = field(default_factory=TrialState)
+    """What the screen showed last."""
 
 
 class Capture:
@@ -123,6 +133,10 @@ class Capture:
         self._disk_ns = 0
         self._free_bytes: int | None = None
         self._problem: str | None = None
+        self._desk = OperatorDesk(trial, self._add_action, None if self._session is None else self._session.mark)
+        self._alarms = AlarmWatch()
+        self._guide = None if settings.guide is None else Guide(settings.guide)
+        self._state = TrialState()
 
     def run(self) -> CaptureOutcome:
         """Capture until the end; closes link and recording whatever happens."""
@@ -144,6 +158,7 @@ class Capture:
             n_chunks=self._n_chunks,
             unwritten=self._recording.unwritten,
             elapsed_s=elapsed_ns / 1e9,
+            last_state=self._state,
             clock=self._trial.clock_values(),
         )
 
@@ -160,6 +175,9 @@ class Capture:
         """Take what came, send what is due, flush."""
         for chunk in self._reader.take(LOOP_S):
             self._take(chunk)
+        for action in self._screen.actions():
+            self._desk.take(action)
+            self._told_ns = 0  # whoever pressed a key wants to see what it did
         now_ns = self._now_ns()
         if self._session is not None:
             for data in self._session.due(now_ns):
@@ -217,6 +235,7 @@ class Capture:
             }
             self._recording.add_values(fmt.ENDPOINT, values, host_time_ns)
             self._screen.cycle(row)
+            self._told_ns = 0
 
     def _send(self, data: bytes) -> None:
         try:
@@ -226,6 +245,9 @@ class Capture:
             # What it still delivers is read to the end: the reading thread says when it is over.
             if self._session is not None and self._session.error is None:
                 self._session.error = error
+
+    def _add_action(self, action: OperatorAction) -> None:
+        self._recording.add_values(fmt.ACTION, action.values(), self._now_ns())
 
     def _warn(self, sentence: str) -> None:
         self._warnings.append(sentence)
@@ -261,11 +283,32 @@ class Capture:
         recording = RecordingView(
             str(self._recording.path), self._recording.n_bytes, self._recording.problem, self._free_bytes
         )
-        self._screen.update(replace(state, recording=recording))
+        state = replace(state, recording=recording, marks=self._desk.marks)
+        state = replace(state, alarms=self._alarms.update(state))
+        if self._guide is not None:
+            title = self._guide.title
+            state = replace(state, guide=self._guide.update(state, self._enough_cycles()))
+            if self._guide.title != title:
+                self._add_action(OperatorAction(GUIDE, self._trial.newest_s, self._guide.title))
+                self._screen.say(f"guide: {self._guide.title}")
+        self._state = state
+        self._screen.update(state)
+
+    def _enough_cycles(self) -> bool:
+        """Whether there are as many cycles, or as narrow an interval, as asked for."""
+        settings, trial = self._settings, self._trial
+        interval = trial.score.interval
+        target_deg = settings.until_half_width_deg
+        if target_deg is not None and interval is not None and interval.half_width_deg <= target_deg:
+            return True
+        cycles = settings.cycles
+        if cycles is None and settings.guide is not None and settings.until_half_width_deg is None:
+            cycles = settings.guide.cycles
+        return cycles is not None and trial.n_endpoints > cycles
 
     def _end_reason(self, now_ns: int) -> str | None:
         settings = self._settings
-        if self._stop.is_set():
+        if self._stop.is_set() or self._desk.finished:
             return "stopped by the operator"
         if self._reader.ended:
             self._error = self._reader.error
@@ -273,7 +316,12 @@ class Capture:
         if self._session is not None and self._session.error is not None:
             self._error = self._session.error
             return "the object cannot be captured" if self._first_sample_ns is None else "the link was lost"
-        if settings.cycles is not None and self._trial.n_endpoints >= settings.cycles:
+        if self._guide is not None:
+            if self._guide.done:
+                return "the guided trial is complete"
+        elif settings.until_half_width_deg is not None and self._enough_cycles():
+            return f"the interval is within ±{settings.until_half_width_deg:g}°"
+        elif settings.cycles is not None and self._trial.n_endpoints >= settings.cycles:
             # The last end point of a motion of just so many cycles closes one less: then the pause after it decides.
             if self._trial.n_endpoints > settings.cycles:
                 self._reached_ns = self._reached_ns or now_ns

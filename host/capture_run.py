@@ -6,11 +6,12 @@ import contextlib
 import importlib
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from analysis.baseline import StaticBaseline
 from analysis.series import AnalysisError
 from analysis.trial_score import TrialScore
 from host.capture import Capture, CaptureOutcome, CaptureSettings
@@ -22,8 +23,11 @@ from host.screen import Screen
 from host.transports import open_lasting
 from host.transports.link_log import LinkLog
 from host.trial import Trial
+from host.trial_state import TrialState
 
 DEFAULT_FOLDER = Path("rotdrift-trials")
+HOLD_S = 3600.0
+"""How long the result of a guided trial stays on the screen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +87,62 @@ def run_capture(
     result_path = recording_path.with_suffix(".json")
     if result_path.exists():
         raise FileError(f"{result_path} exists already", "give another name with --out, or move it away")
-    outcome = record(link, recording_path, settings, screen, stop)
-    return _finish(outcome, recording_path, result_path, options)
+    baseline = None if options is None or options.baseline is None else _baseline(options.baseline)
+    try:
+        outcome = record(link, recording_path, settings, screen, stop, baseline, keep_screen=True)
+        finished = _finish(outcome, recording_path, result_path, options)
+        screen.update(finished_state(outcome.last_state, finished.score))
+        if settings.guide is not None:
+            end_s = time.monotonic() + HOLD_S
+            while not stop.is_set() and time.monotonic() < end_s and not screen.hold(0.2):
+                pass
+    finally:
+        screen.stop()
+    return finished
+
+
+def finished_state(live: TrialState, score: TrialScore) -> TrialState:
+    """Make the last picture: the result in place of the provisional figures, and what the difference is."""
+    return replace(
+        live,
+        finished=True,
+        provisional_deg=live.theta_bar_deg,
+        theta_bar_deg=score.theta_bar_deg,
+        interval_deg=score.interval_deg,
+        half_width_deg=None if score.interval is None else score.interval.half_width_deg,
+        summary=difference_sentence(live.theta_bar_deg, score),
+    )
+
+
+def difference_sentence(live_deg: float | None, score: TrialScore) -> str:
+    """Say in one sentence how the result differs from what the live view had."""
+    if score.theta_bar_deg is None:
+        return f"no score: {score.reasons[0]}" if score.reasons else "no score"
+    if live_deg is None:
+        return f"the live view had no score yet; the result has {len(score.endpoints) - 1} cycles"
+    return f"the live view had {live_deg:.3f}°: the result differs by {score.theta_bar_deg - live_deg:+.3f}°"
+
+
+def _baseline(path: Path) -> StaticBaseline:
+    """Load a baseline for the live view, before a minute is spent on a trial that cannot use it."""
+    from analysis.baseline_file import load_baseline
+
+    try:
+        return load_baseline(path)
+    except FileNotFoundError as error:
+        raise FileError(f"there is no file {path}", "check the path") from error
+    except (AnalysisError, OSError) as error:
+        raise FileError(f"the baseline {path} cannot be used ({error})", "measure one: `rotdrift baseline`") from error
 
 
 def record(
-    link: str, recording_path: Path, settings: CaptureSettings, screen: Screen, stop: threading.Event
+    link: str,
+    recording_path: Path,
+    settings: CaptureSettings,
+    screen: Screen,
+    stop: threading.Event,
+    baseline: StaticBaseline | None = None,
+    keep_screen: bool = False,
 ) -> CaptureOutcome:
     """Capture one recording, without scoring it.
 
@@ -96,6 +150,10 @@ def record(
     ----------
     link, recording_path, settings, screen, stop
         As for :func:`run_capture`.
+    baseline : StaticBaseline, optional
+        Of the sensor, for the floor that the live view shows.
+    keep_screen : bool
+        Whether the screen stays for the caller to stop.
 
     Raises
     ------
@@ -110,17 +168,26 @@ def record(
     try:
         wall_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
         described = {"cycles": settings.cycles, "duration_s": settings.duration_s, "rate_hz": settings.session.rate_hz}
+        described["until_half_width_deg"] = settings.until_half_width_deg
         writer = RecordingWriter(recording_path, transport.name, wall_ns, monotonic_ns, described)
     except BaseException:
         transport.close()
         raise
-    trial = Trial("rotdrift capture", settings.cycles, settings.duration_s, transport.node)
+    trial = Trial(
+        "rotdrift capture",
+        settings.cycles,
+        settings.duration_s,
+        transport.node,
+        settings.until_half_width_deg,
+        baseline,
+    )
     threading.Thread(target=_load_slow_modules, name="rotdrift-imports", daemon=True).start()
     screen.start()
     try:
         outcome = Capture(transport, writer, trial, screen, settings, stop).run()
     finally:
-        screen.stop()
+        if not keep_screen:
+            screen.stop()
     if not trial.assembler.segments:
         _remove_empty(recording_path)
         raise outcome.error or LinkError(
@@ -139,6 +206,7 @@ def _finish(
         "warnings": list(outcome.warnings),
         "elapsed_s": outcome.elapsed_s,
         "clock": outcome.clock,
+        "live_theta_bar_deg": outcome.last_state.theta_bar_deg,
     }
     try:
         trial = load_trial(recording_path, outcome.unwritten)

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections import deque
 from typing import Any, Protocol, TextIO, cast
 
@@ -115,13 +114,10 @@ class LiveScreen:
             taken.append(self._actions.popleft())
         return taken
 
-    def hold(self, timeout_s: float) -> None:
-        """Wait for a key, at most so long."""
-        self._closed.clear()
-        end_s = time.monotonic() + timeout_s
-        while time.monotonic() < end_s and self._process is not None and self._process.poll() is None:
-            if self._closed.wait(0.1):
-                return
+    def hold(self, timeout_s: float) -> bool:
+        """Wait for a key, at most so long; True when one was pressed, or nobody can any more."""
+        process = self._process
+        return self._closed.wait(timeout_s) or process is None or process.poll() is not None
 
     def stop(self) -> None:
         """Give the terminal back, then print what was said. May be called twice."""

@@ -39,8 +39,8 @@ class Screen(Protocol):
     def actions(self) -> list[ScreenAction]:
         """Give what a person asked for since the last call."""
 
-    def hold(self, timeout_s: float) -> None:
-        """Wait until a person has seen the result and pressed a key; at once where there is no person."""
+    def hold(self, timeout_s: float) -> bool:
+        """Wait until a person has seen the result and pressed a key; True at once where there is no person."""
 
     def stop(self) -> None:
         """Give the terminal back."""
@@ -69,8 +69,10 @@ class QuietScreen:
         """Give nothing: there are no keys."""
         return []
 
-    def hold(self, timeout_s: float) -> None:
-        """Go on."""
+    def hold(self, timeout_s: float) -> bool:
+        """Go on: there is nobody to wait for."""
+        del timeout_s
+        return True
 
     def stop(self) -> None:
         """End."""
@@ -115,8 +117,10 @@ class LineScreen:
         """Give nothing: there are no keys."""
         return []
 
-    def hold(self, timeout_s: float) -> None:
-        """Go on."""
+    def hold(self, timeout_s: float) -> bool:
+        """Go on: there is nobody to wait for."""
+        del timeout_s
+        return True
 
     def stop(self) -> None:
         """End."""

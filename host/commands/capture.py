@@ -5,6 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from host.capture import CaptureSettings
+    from host.capture_run import FinishedCapture
+    from host.result import ScoreOptions
+    from host.screen import Screen
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -17,9 +24,26 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
             "trial at the end. Ctrl-C ends it in order: the recording is closed and the score printed."
         ),
     )
-    parser.add_argument("link", metavar="LINK", help="serial:/dev/ttyACM0, serial:COM3, serial:socket://HOST:PORT, ...")
+    parser.add_argument(
+        "link",
+        metavar="LINK",
+        nargs="+",
+        help="serial:/dev/ttyACM0, serial:COM3, serial:socket://HOST:PORT, ...; several: as many objects at once",
+    )
     parser.add_argument("--cycles", type=_whole, metavar="N", help="end after N cycles")
     parser.add_argument("--duration", type=_seconds, metavar="S", help="end S seconds after the first sample")
+    parser.add_argument(
+        "--until",
+        type=_until,
+        metavar="ci=DEG",
+        help="end when the interval of the drift is within ±DEG, e.g. ci=0.2deg",
+    )
+    parser.add_argument("--guide", action="store_true", help="lead through the trial: rest, start, cycles, rest")
+    parser.add_argument("--rest", type=_seconds, default=10.0, metavar="S", help="rest of a guided trial (default: 10)")
+    parser.add_argument("--bell", action="store_true", help="ring at every alarm and at the end")
+    parser.add_argument("--ascii", action="store_true", help="draw with ASCII only")
+    parser.add_argument("--theme", choices=("auto", "dark", "light"), default="auto", help="background of the terminal")
+    parser.add_argument("--plain", action="store_true", help="a line per cycle in place of the dashboard")
     parser.add_argument("--out", type=Path, metavar="FILE", help="recording to write (default: rotdrift-trials/DATE)")
     parser.add_argument("--rate", type=_whole, metavar="HZ", help="orientation rate to ask the object for, 10-1000")
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor, for the score")
@@ -47,8 +71,9 @@ def run(args: argparse.Namespace) -> int:
     from host.capture import CaptureSettings
     from host.capture_run import default_recording, run_capture
     from host.errors import UsageError
+    from host.guide import GuideSettings
     from host.result import ScoreOptions, result_text
-    from host.screen import open_screen
+    from host.screen import ScreenChoice, open_screen
     from host.session import SessionSettings
     from host.stop_signals import StopSignals
 
@@ -63,27 +88,76 @@ def run(args: argparse.Namespace) -> int:
         session=SessionSettings(rate_hz=args.rate),
         reconnect_s=args.reconnect,
         debug_link=args.debug_link,
+        until_half_width_deg=args.until,
+        guide=GuideSettings(args.rest, args.cycles or GuideSettings().cycles) if args.guide else None,
     )
+    screen = open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, args.bell, args.plain))
+    options = ScoreOptions(baseline=args.baseline)
+    if len(args.link) > 1:
+        return _run_several(args, recording, settings, screen, options)
     with StopSignals() as signals:
-        finished = run_capture(
-            args.link,
-            recording,
-            settings,
-            open_screen(args.json),
-            signals.stop,
-            ScoreOptions(baseline=args.baseline),
-        )
+        finished = run_capture(args.link[0], recording, settings, screen, signals.stop, options)
     if args.json:
         sys.stdout.write(result_text(finished.score))
     else:
         from host.score_view import print_score
 
         print_score(finished.score)
+        _print_difference(finished)
         sys.stdout.write(f"recording  {finished.recording}\nresult     {finished.result}\n")
     sys.stdout.flush()
     if finished.outcome.error is not None:
         raise finished.outcome.error
     return 0 if finished.score.valid else 1
+
+
+def _print_difference(finished: FinishedCapture) -> None:
+    from host.capture_run import difference_sentence
+
+    live_deg = finished.outcome.last_state.theta_bar_deg
+    sys.stdout.write(f"live       {difference_sentence(live_deg, finished.score)}\n")
+
+
+def _run_several(
+    args: argparse.Namespace, recording: Path, settings: CaptureSettings, screen: Screen, options: ScoreOptions
+) -> int:
+    """Capture several objects at once, each with a recording of its own."""
+    import json
+
+    from host.capture_several import capture_several
+    from host.errors import UsageError
+    from host.score_view import print_score
+    from host.stop_signals import StopSignals
+
+    if settings.debug_link is not None:
+        raise UsageError("--debug-link writes down one link", "capture one object at a time with it")
+    paths = [recording.with_stem(f"{recording.stem}-{number}") for number in range(1, len(args.link) + 1)]
+    with StopSignals() as signals:
+        outcomes = capture_several(args.link, paths, settings, screen, signals.stop, options)
+    if args.json:
+        results = [
+            {"link": item.link, "error": item.error and str(item.error), "result": item.result} for item in outcomes
+        ]
+        sys.stdout.write(json.dumps({"results": results}, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    for item in outcomes:
+        finished = item.finished
+        if finished is None:
+            sys.stderr.write(f"rotdrift: {item.link}: {item.error}\n")
+        elif not args.json:
+            sys.stdout.write(f"\n{item.link}\n")
+            sys.stdout.flush()
+            print_score(finished.score)
+            _print_difference(finished)
+            sys.stdout.write(f"recording  {finished.recording}\nresult     {finished.result}\n")
+    sys.stdout.flush()
+    return max(item.exit_code for item in outcomes)
+
+
+def _until(text: str) -> float:
+    kind, _, value = text.partition("=")
+    if kind != "ci":
+        raise argparse.ArgumentTypeError(f"{text!r} is no aim; give ci=0.2deg")
+    return _seconds(value.removesuffix("deg").removesuffix("°"))
 
 
 def _whole(text: str) -> int:

@@ -1,0 +1,187 @@
+"""Alarms: what should make the operator look up, with a sentence each.
+
+Causal, and with hysteresis: an alarm is raised at one limit and cleared at a milder one, or after a while, so that it
+does not flicker. Nothing in here changes the capture or the score.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from statistics import median
+
+from analysis.uncertainty import MIN_STEPS
+from host.trial_state import Alarm, TrialState
+
+MOVING_DPS = 3.0
+"""Turning rate above which the object is moved."""
+NO_CYCLES_S, NO_CYCLES_PERIODS = 15.0, 3.0
+"""No cycle found after so much movement, whichever is longer."""
+AXIS_S = 2.0
+"""How long the axis must be ambiguous (or clear again)."""
+SWING_RAISE, SWING_CLEAR = 0.80, 0.88
+"""Shares of the widest swing so far."""
+SWING_ENDPOINTS = 4
+"""End points before the swing is compared."""
+STEP_FACTOR, STEP_DEG = 6.0, 5.0
+"""A step is sudden above both: so many times the median step, and so many degrees."""
+DROP_DPS = 500.0
+"""A turning rate no hand reaches on purpose."""
+LOSS_RAISE, LOSS_CLEAR = 0.01, 0.005
+"""Shares of missing samples over :data:`LOSS_WINDOW_S`."""
+LOSS_WINDOW_S = 10.0
+HOLD_S = 15.0
+"""How long an alarm of one moment stays up."""
+SILENT_RAISE_S, SILENT_CLEAR_S = 2.0, 0.5
+FLOOR_CLEAR = 1.15
+"""θ̄ over the floor at which that alarm is cleared."""
+
+
+class AlarmWatch:
+    """Watches states in the order of time."""
+
+    def __init__(self) -> None:
+        self._up: dict[str, str] = {}
+        self._until_s: dict[str, float] = {}
+        self._moved_s = 0.0
+        self._before: TrialState | None = None
+        self._axis_since_s: float | None = None
+        self._widest_deg = 0.0
+        self._segments = 1
+        self._losses: deque[tuple[float, int, int]] = deque()
+
+    def update(self, state: TrialState) -> tuple[Alarm, ...]:
+        """Take the next state and give the alarms that are up, the most urgent first.
+
+        Parameters
+        ----------
+        state : TrialState
+            ``elapsed_s`` is the clock.
+        """
+        now_s = state.elapsed_s
+        before = self._before or state
+        if state.n_endpoints < before.n_endpoints:  # end points were taken back: begin again
+            self._moved_s = self._widest_deg = 0.0
+        for kind, until_s in list(self._until_s.items()):
+            if now_s >= until_s:
+                del self._until_s[kind]
+                self._up.pop(kind, None)
+        self._link(state)
+        self._sudden(state, before, now_s)
+        self._no_cycles(state, before)
+        self._axis(state, now_s)
+        self._swing(state)
+        self._floor(state)
+        self._before = state
+        return tuple(Alarm(kind, self._up[kind]) for kind in ORDER if kind in self._up)
+
+    def _set(self, kind: str, raised: bool, cleared: bool, sentence: str) -> None:
+        """Raise, clear, or leave an alarm as it is; its sentence follows the newest figures."""
+        if raised or (kind in self._up and not cleared):
+            self._up[kind] = sentence
+        elif cleared:
+            self._up.pop(kind, None)
+
+    def _hold(self, kind: str, now_s: float, sentence: str) -> None:
+        """Raise an alarm of one moment."""
+        self._up[kind] = sentence
+        self._until_s[kind] = now_s + HOLD_S
+
+    def _link(self, state: TrialState) -> None:
+        link, now_s = state.link, state.elapsed_s
+        lost = not link.connected
+        self._set(
+            "link",
+            lost or link.silent_s > SILENT_RAISE_S,
+            not lost and link.silent_s < SILENT_CLEAR_S,
+            f"nothing has come for {link.silent_s:.0f} s: check the object's battery and cable",
+        )
+        if link.segments > max(1, self._segments):
+            self._hold("clock", now_s, f"{link.segment_reason or 'the device clock jumped'}: see whether it streams on")
+        self._segments = max(self._segments, link.segments)
+        losses = link.losses
+        self._losses.append((now_s, losses.produced, losses.missing))
+        while self._losses[0][0] < now_s - LOSS_WINDOW_S and len(self._losses) > 2:
+            self._losses.popleft()
+        _, produced, missing = self._losses[0]
+        share = (losses.missing - missing) / max(1, losses.produced - produced)
+        self._set(
+            "losses",
+            share > LOSS_RAISE and losses.missing - missing > 1,
+            share < LOSS_CLEAR,
+            f"{100 * share:.1f} % of the last samples are missing: check cable, distance and rate",
+        )
+
+    def _sudden(self, state: TrialState, before: TrialState, now_s: float) -> None:
+        rate = state.motion.turn_rate_dps or 0.0
+        if rate > DROP_DPS:
+            self._hold("reorientation", now_s, f"it turned at {rate:.0f}°/s: was the object dropped?")
+        row = state.cycles[-1] if state.cycles else None
+        if row is not None and row.step_deg is not None and before.cycles[-1:] != state.cycles[-1:]:
+            steps = [other.step_deg for other in state.cycles[:-1] if other.step_deg is not None]
+            usual = median(steps) if steps else 0.0
+            large = len(steps) >= 2 and row.step_deg > max(STEP_DEG, STEP_FACTOR * usual)
+            if large or "pose jump" in row.flags:
+                self._hold(
+                    "reorientation",
+                    now_s,
+                    f"cycle {row.number} turned it by {row.step_deg:.1f}°: dropped or regrasped? x leaves it out",
+                )
+        if state.sensor.saturated:
+            self._hold("saturation", now_s, "the sensor reached the end of its range: slower, or its drift is not true")
+
+    def _no_cycles(self, state: TrialState, before: TrialState) -> None:
+        moving = (state.motion.turn_rate_dps or 0.0) > MOVING_DPS
+        if state.n_endpoints != before.n_endpoints:
+            self._moved_s = 0.0
+        elif moving:
+            self._moved_s += max(0.0, min(1.0, state.elapsed_s - before.elapsed_s))
+        limit_s = max(NO_CYCLES_S, NO_CYCLES_PERIODS * (state.motion.period_s or 0.0))
+        self._set(
+            "no cycles",
+            self._moved_s > limit_s,
+            self._moved_s < limit_s,
+            f"it has moved for {self._moved_s:.0f} s and no cycle was found: is the same rotation repeated?",
+        )
+
+    def _axis(self, state: TrialState, now_s: float) -> None:
+        ambiguous = "axis ambiguous" in state.motion.flags and (state.motion.turn_rate_dps or 0.0) > MOVING_DPS
+        is_up = "axis" in self._up
+        if ambiguous == is_up:
+            self._axis_since_s = None
+        elif self._axis_since_s is None:
+            self._axis_since_s = now_s
+        lasted = self._axis_since_s is not None and now_s - self._axis_since_s >= AXIS_S
+        self._set(
+            "axis",
+            ambiguous and lasted,
+            not ambiguous and lasted,
+            "the object does not turn about one axis: cycles may be found at the wrong moment",
+        )
+
+    def _swing(self, state: TrialState) -> None:
+        swing = state.motion.swing_deg
+        if swing is None or state.n_endpoints < SWING_ENDPOINTS:
+            return
+        self._widest_deg = max(self._widest_deg, swing)
+        share = swing / self._widest_deg if self._widest_deg else 1.0
+        self._set(
+            "swing",
+            share < SWING_RAISE,
+            share > SWING_CLEAR,
+            f"the swing has shrunk from {self._widest_deg:.0f}° to {swing:.0f}°: the object slips out of the hand",
+        )
+
+    def _floor(self, state: TrialState) -> None:
+        theta, floor = state.theta_bar_deg, state.sensor.floor_deg
+        known = theta is not None and floor is not None and state.n_cycles >= MIN_STEPS
+        self._set(
+            "floor",
+            known and theta is not None and floor is not None and theta < floor,
+            not known or (theta is not None and floor is not None and theta > FLOOR_CLEAR * floor),
+            f"the drift is below the sensor's floor of {floor or 0.0:.2g}°: it cannot be told from none; more cycles "
+            "lower the floor",
+        )
+
+
+ORDER = ("link", "saturation", "reorientation", "losses", "clock", "no cycles", "axis", "swing", "floor")
+"""Kinds of alarms, the most urgent first."""

@@ -1,0 +1,94 @@
+"""A guided trial: hold still, start the hand, N cycles, hold still, done. Causal; time and states come from outside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from host.trial_state import GuideView, TrialState
+
+STILL_DPS = 1.5
+"""Turning rate below which the object is at rest."""
+MOVING_DPS = 3.0
+REST_PERIODS = 1.5
+"""A hand that rests so long between cycles has been stopped early."""
+TITLES = ("hold still", "start the hand", "let it turn", "stop the hand, hold still", "done")
+
+
+@dataclass(frozen=True, slots=True)
+class GuideSettings:
+    """How long each step lasts."""
+
+    rest_s: float = 10.0
+    """At rest before and after: the shorter, the less is known of the sensor's own drift."""
+    cycles: int = 10
+    """Cycles to count, where the capture itself has no number and no interval to reach."""
+
+
+class Guide:
+    """Leads through a trial.
+
+    Parameters
+    ----------
+    settings : GuideSettings
+        How long.
+    """
+
+    def __init__(self, settings: GuideSettings | None = None) -> None:
+        self.settings = settings or GuideSettings()
+        self._step = 0
+        self._still_since_s: float | None = None
+
+    @property
+    def done(self) -> bool:
+        """Whether the trial is complete."""
+        return self._step == len(TITLES) - 1
+
+    @property
+    def title(self) -> str:
+        """What is to be done now."""
+        return TITLES[self._step]
+
+    def update(self, state: TrialState, enough: bool) -> GuideView:
+        """Take the next state.
+
+        Parameters
+        ----------
+        state : TrialState
+            ``elapsed_s`` is the clock.
+        enough : bool
+            Whether there are as many cycles, or as narrow an interval, as asked for.
+        """
+        settings, rate = self.settings, state.motion.turn_rate_dps
+        rested_s = self._rested_s(state, rate)
+        hint, progress = "", 0.0
+        if self._step in {0, 3}:
+            progress = min(1.0, rested_s / settings.rest_s)
+            left_s = max(0.0, settings.rest_s - rested_s)
+            hint = "waiting for the object" if rate is None else f"{left_s:.0f} s more at rest"
+            if rate is not None and self._still_since_s is None:
+                hint = "it still moves"
+        elif self._step == 1:
+            hint = "the sensor is known; begin the rotation"
+        elif self._step == 2:
+            wanted = state.target_cycles or settings.cycles
+            hint = f"{state.n_cycles} cycles" if state.target_half_width_deg else f"{state.n_cycles} of {wanted} cycles"
+            progress = state.n_cycles / wanted
+        self._advance(rested_s, rate, state, enough)
+        return GuideView(self._step + 1, len(TITLES), self.title, hint, progress)
+
+    def _rested_s(self, state: TrialState, rate: float | None) -> float:
+        still = rate is not None and (rate < STILL_DPS or (self._still_since_s is not None and rate < MOVING_DPS))
+        if not still:
+            self._still_since_s = None
+            return 0.0
+        if self._still_since_s is None:
+            self._still_since_s = state.elapsed_s
+        return state.elapsed_s - self._still_since_s
+
+    def _advance(self, rested_s: float, rate: float | None, state: TrialState, enough: bool) -> None:
+        rested = rested_s >= self.settings.rest_s
+        begun = rate is not None and rate > MOVING_DPS
+        stopped = state.n_cycles > 0 and rested_s > REST_PERIODS * (state.motion.period_s or 10.0)
+        steps_on = (rested, begun, enough or stopped, rested, False)
+        if steps_on[self._step]:
+            self._step += 1
