@@ -76,7 +76,7 @@ def plot(topics: list[Topic], path: Path) -> None:
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    goals = [row for topic in topics for row in topic.rows if row.goal]
+    goals = [row for topic in topics for row in topic.rows if row.goal and row.value > 0.0]
     groups: dict[tuple[str, str, str], list[tuple[str, tuple[float, ...], tuple[float, ...]]]] = {}
     for topic in topics:
         for curve in topic.curves:

@@ -1,0 +1,169 @@
+"""Recordings: size, write and read rates, memory, time to a score."""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.measurement import COST, GAIN, Topic, cpu_s, figure
+from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
+from host.recording import RecordingWriter
+from host.recording_reader import RecordingReader
+from host.transports.chunks import Chunk
+
+RATE_HZ = 1000
+PERIOD_US = 1_000_000 // RATE_HZ
+GOAL_RATE = 2.0
+READ_TIMES_MEMORY = 4.0
+"""Scoring may need so many times the size of the recording, and no more."""
+_SCORE = """
+import json, sys, time
+from benchmarks.recording import peak_kib as peak
+from pathlib import Path
+from host.recorded_trial import load_trial
+from host.result import ScoreOptions, score_trial
+import analysis.scoring, scipy.ndimage
+base = peak()
+start, wall = time.process_time(), time.perf_counter()
+trial = load_trial(Path(sys.argv[1]))
+read = time.process_time() - start
+score = score_trial(trial, ScoreOptions())
+total = time.process_time() - start
+highest = peak()
+print(json.dumps({"valid": score.valid, "n": len(trial.series), "read": read, "total": total,
+    "wall": time.perf_counter() - wall, "memory": (highest - base) * 1024, "endpoints": len(score.endpoints)}))
+"""
+_STREAM = """
+import json, sys, time
+from benchmarks.recording import peak_kib as peak
+from pathlib import Path
+from firmware_protocol.packets import OrientationBatch
+from host.link import Link, coalesced
+from host.recording_reader import RecordingReader
+base = peak()
+start = time.process_time()
+link, n = Link(), 0
+for chunk in coalesced(RecordingReader(Path(sys.argv[1])).chunks()):
+    n += sum(len(item) for item in link.feed(chunk) if isinstance(item, OrientationBatch))
+highest = peak()
+print(json.dumps({"n": n, "cpu": time.process_time() - start, "memory": (highest - base) * 1024}))
+"""
+
+
+def peak_kib() -> int:
+    """Largest memory this process has had, KiB; what it had before its program was loaded does not count."""
+    try:
+        status = Path("/proc/self/status").read_text()
+        return int(status.partition("VmHWM:")[2].split()[0])
+    except (OSError, IndexError):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def chunks(n: int, per_chunk: int, block: int = 1 << 17) -> Iterator[tuple[Chunk, np.ndarray]]:
+    """Chunks of a link that delivers so many samples a read, with what they hold."""
+    quats = turning(block, RATE_HZ)
+    for first in range(0, n, block):
+        count = min(block, n - first)
+        data = frame_rows(quats[:count], first, PERIOD_US).tobytes()
+        for at in range(0, count, per_chunk):
+            end = min(at + per_chunk, count)
+            host_ns = 10**9 + (first + end) * PERIOD_US * 1000
+            yield Chunk(data[at * FRAME_BYTES : end * FRAME_BYTES], host_ns), quats[at:end]
+
+
+def write(path: Path, n: int, per_chunk: int, decoded: bool = True) -> tuple[float, int]:
+    """Write a recording as a capture does; CPU seconds of the writer and bytes."""
+    writer = RecordingWriter(path, "pty:/dev/pts/9", 1_700_000_000 * 10**9, 10**9)
+    used = 0.0
+    batch: list[tuple[Chunk, np.ndarray]] = []
+
+    def take() -> None:
+        for chunk, quats in batch:
+            writer.add_received(chunk)
+            if decoded:
+                stamps = chunk.host_time_ns - np.arange(len(quats))[::-1] * PERIOD_US * 1000
+                writer.add_orientations(stamps, quats, chunk.host_time_ns)
+            writer.flush_if_due(chunk.host_time_ns)
+
+    for item in chunks(n, per_chunk):
+        batch.append(item)
+        if len(batch) == 1000:
+            used += cpu_s(take)
+            batch.clear()
+    used += cpu_s(take)
+    used += cpu_s(writer.close)
+    return used, path.stat().st_size
+
+
+def _child(script: str, path: Path) -> dict[str, Any]:
+    done = subprocess.run([sys.executable, "-c", script, str(path)], capture_output=True, text=True, timeout=1800)
+    assert done.returncode == 0, done.stderr
+    return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+def measure(quick: bool = False) -> Topic:
+    """Measure everything of this topic."""
+    topic = Topic(f"Recording: one object at {RATE_HZ} Hz")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        n = 60_000 if quick else 600_000
+        for per_chunk in (1, 10, 50):
+            path = folder / f"{per_chunk}.mcap"
+            used, size = write(path, n, per_chunk)
+            label = f"{per_chunk} sample{'s' * (per_chunk > 1)} a read"
+            topic.rows.append(figure(f"{label}: size", [size / n], "bytes/sample", f"{FRAME_BYTES} of them the frame"))
+            topic.rows.append(figure(f"{label}: write", [n / used / 1e6], "M samples/s"))
+            results = [_child(_SCORE, path) for _ in range(1 if quick else 3)]
+            assert all(result["valid"] and result["n"] == n for result in results), results
+            rates = [n / result["total"] / 1e6 for result in results]
+            topic.rows.append(
+                figure(f"{label}: file to scored cycles", rates, "M samples/s", goal=GOAL_RATE, sense=GAIN)
+            )
+            topic.rows.append(
+                figure(f"{label}: file to samples", [n / r["read"] / 1e6 for r in results], "M samples/s")
+            )
+            memory = [result["memory"] / size for result in results]
+            topic.rows.append(
+                figure(f"{label}: memory to score / size", memory, "×", goal=READ_TIMES_MEMORY, sense=COST)
+            )
+        raw = folder / "raw.mcap"
+        _, size = write(raw, n, 10, decoded=False)
+        topic.rows.append(figure("10 samples a read, raw channel only: size", [size / n], "bytes/sample"))
+        if not quick:
+            _large(topic, folder)
+    return topic
+
+
+def _large(topic: Topic, folder: Path) -> None:
+    """One gigabyte, and memory of streaming a larger one: made of one recording's records again and again."""
+    path = folder / "1gb.mcap"
+    n = 8_000_000
+    _, size = write(path, n, 10)
+    label = f"{size / 1e9:.2f} GB"
+    start = time.perf_counter()
+    first = next(RecordingReader(path).chunks())
+    assert first.data
+    topic.rows.append(figure(f"{label}: first chunk delivered", [time.perf_counter() - start], "s"))
+    result = _child(_SCORE, path)
+    assert result["valid"]
+    assert result["n"] == n
+    topic.rows.append(figure(f"{label}: score", [result["wall"]], "s", f"{n / 1e6:g} M samples, on the wall"))
+    memory = [result["memory"] / size]
+    topic.rows.append(figure(f"{label}: memory to score / size", memory, "×", "", READ_TIMES_MEMORY, COST))
+    streamed = [_child(_STREAM, path)]
+    path.unlink()
+    small = folder / "small.mcap"
+    write(small, n // 10, 10)
+    streamed.append(_child(_STREAM, small))
+    assert [run["n"] for run in streamed] == [n, n // 10]
+    for name, run in zip((label, "a tenth of it"), streamed, strict=True):
+        topic.rows.append(figure(f"{name}: memory to stream", [run["memory"] / 2**20], "MiB", "", 64.0, COST))
