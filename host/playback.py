@@ -2,19 +2,50 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
+from host import recording_format as fmt
+from host.alarms import AlarmWatch
+from host.operator_actions import OperatorAction, action_of
+from host.operator_desk import OperatorDesk
+from host.recording_reader import RecordingReader
 from host.screen import Screen
 from host.transports.chunks import LinkEnd, Transport
 from host.trial import Trial
-from host.trial_state import LinkView, RecordingView
+from host.trial_state import LinkView, RecordingView, TrialState
 
 STATE_NS = 100_000_000
 READ_S = 0.05
 
 
-def play(transport: Transport, trial: Trial, screen: Screen, stop: threading.Event, speed: float = 1.0) -> bool:
+def recorded_actions(path: Path) -> list[OperatorAction]:
+    """Read what the operator did during a capture.
+
+    Raises
+    ------
+    FileError
+        Not a recording.
+    """
+    actions = []
+    for message in RecordingReader(path).messages({fmt.ACTION}):
+        with contextlib.suppress(ValueError, KeyError):  # damage is told when the recording is scored
+            actions.append(action_of(message.values()))
+    return actions
+
+
+def play(
+    transport: Transport,
+    trial: Trial,
+    screen: Screen,
+    stop: threading.Event,
+    speed: float = 1.0,
+    actions: Sequence[OperatorAction] = (),
+) -> TrialState | None:
     """Feed a replay into a trial until its end.
 
     Nobody else waits for these chunks, so this thread reads them itself.
@@ -26,33 +57,49 @@ def play(transport: Transport, trial: Trial, screen: Screen, stop: threading.Eve
     trial : Trial
         Fresh.
     screen : Screen
-        Started; shows the recording's own time.
+        Started; shows the recording's own time. Of its keys only those count that change no trial.
     stop : threading.Event
         Ends it early.
     speed : float
         As given to the replay: how much recorded time passes between two pictures.
+    actions : sequence of OperatorAction
+        What the operator did then; done again when its time comes.
 
     Returns
     -------
-    bool
-        Whether it came to its end.
+    TrialState or None
+        The last picture; None where it was ended early.
     """
+    desk, alarms = OperatorDesk(trial, lambda _: None), AlarmWatch()
+    waiting = deque(actions)
     first_ns: int | None = None
-    told_ns = 0
+    told_ns = now_ns = 0
+
+    def picture() -> TrialState:
+        state = trial.state(now_ns, 0.0 if first_ns is None else (now_ns - first_ns) / 1e9, link)
+        recording = RecordingView(transport.name.removeprefix("replay:"), trial.link.n_bytes)
+        state = replace(state, recording=recording, marks=desk.marks)
+        return replace(state, alarms=alarms.update(state))
+
+    link = LinkView(name=transport.name)
     while not stop.is_set():
+        if any(action.kind == "finish" for action in screen.actions()):
+            break
         try:
             chunk = transport.read(READ_S)
         except LinkEnd:
-            return True
+            for action in waiting:
+                desk.repeat(action)
+            return picture()
         if chunk is None:
             continue
         now_ns = chunk.host_time_ns
         first_ns = now_ns if first_ns is None else first_ns
         for row in trial.feed(chunk).cycles:
             screen.cycle(row)
+        while waiting and not waiting[0].time_s > trial.newest_s:
+            desk.repeat(waiting.popleft())
         if now_ns - told_ns >= STATE_NS * max(1.0, speed):
             told_ns = now_ns
-            state = trial.state(now_ns, (now_ns - first_ns) / 1e9, LinkView(name=transport.name))
-            recording = RecordingView(transport.name.removeprefix("replay:"), trial.link.n_bytes)
-            screen.update(replace(state, recording=recording))
-    return False
+            screen.update(picture())
+    return None

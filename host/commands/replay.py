@@ -18,6 +18,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--speed", type=_speed, default=0.0, metavar="X", help="1: as fast as it was; default: as fast as it is read"
     )
+    parser.add_argument("--ascii", action="store_true", help="draw with ASCII only")
+    parser.add_argument("--theme", choices=("auto", "dark", "light"), default="auto", help="background of the terminal")
+    parser.add_argument("--plain", action="store_true", help="a line per cycle in place of the dashboard")
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
@@ -30,31 +33,36 @@ def run(args: argparse.Namespace) -> int:
         Not a recording.
     """
     from analysis.series import AnalysisError
+    from host.capture_run import difference_sentence, finished_state
     from host.errors import FileError
-    from host.playback import play
+    from host.playback import play, recorded_actions
     from host.recorded_trial import load_trial
     from host.result import result_text, score_trial
     from host.score_view import print_score
-    from host.screen import open_screen
+    from host.screen import ScreenChoice, open_screen
     from host.stop_signals import StopSignals
     from host.transports.replay import ReplayTransport
     from host.trial import Trial
 
     with ReplayTransport(args.file, args.speed) as transport, StopSignals() as signals:
-        screen = open_screen(args.json)
+        screen = open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, plain_lines=args.plain))
+        actions = recorded_actions(args.file)
         screen.start()
         try:
-            play(transport, Trial("rotdrift replay"), screen, signals.stop, args.speed)
+            live = play(transport, Trial("rotdrift replay"), screen, signals.stop, args.speed, actions)
+            score = score_trial(load_trial(args.file))
+            if live is not None:
+                screen.update(finished_state(live, score))
+        except AnalysisError as error:
+            raise FileError(f"{args.file} cannot be scored ({error})") from error
         finally:
             screen.stop()
-    try:
-        score = score_trial(load_trial(args.file))
-    except AnalysisError as error:
-        raise FileError(f"{args.file} cannot be scored ({error})") from error
     if args.json:
         sys.stdout.write(result_text(score))
     else:
         print_score(score)
+        if live is not None:
+            sys.stdout.write(f"live       {difference_sentence(live.theta_bar_deg, score)}\n")
     return 0 if score.valid else 1
 
 
