@@ -14,6 +14,8 @@ from analysis.cycle_likeness import sample_noise_rad
 from analysis.series import FloatArray, IntArray, OrientationSeries
 from analysis.turning_points import TurningPoints, dwell, swings
 
+_GROUP = 256  # end points averaged together
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -58,23 +60,37 @@ class Samples:
         nearer_left = time_s - self.times_s[right - 1] <= self.times_s[right] - time_s
         return int(self.index[right - 1 if nearer_left else right])
 
-    def orientation(self, time_s: float, reach_s: float) -> FloatArray:
-        """(4,) average of the samples around a moment, weights falling linearly to 0 at ``reach_s``.
+    def orientations(self, moments_s: FloatArray, reach_s: float) -> FloatArray:
+        """(k, 4) average of the samples around each of k moments, weights falling linearly to 0 at ``reach_s``.
 
         At least the three nearest samples are used. Each stands for the time around it, so that the average is one
         over time and lost samples do not pull it to one side. The weights fall to 0, so that a moment that shifts by a
         rounding error never takes in or loses a whole sample.
         """
-        middle = int(np.searchsorted(self.times_s, time_s))
-        near = self.times_s[max(middle - 3, 0) : middle + 3]
-        third = np.sort(np.abs(near - time_s))[min(3, len(near) - 1)]
-        reach_s = max(reach_s, float(third))
-        first, last = np.searchsorted(self.times_s, (time_s - reach_s, time_s + reach_s), side="left")
-        rows = slice(int(first), max(int(last), int(first) + 1))
-        weights = np.maximum(1.0 - np.abs(self.times_s[rows] - time_s) / reach_s, 0.0)
-        edges = self.times_s[max(int(first) - 1, 0) : rows.stop + 1]
-        own = np.gradient(edges)[int(first) - max(int(first) - 1, 0) :][: len(weights)]
-        return rotations.average(self.quats_wxyz[rows], weights * own)
+        times_s, n = self.times_s, len(self.times_s)
+        near = np.searchsorted(times_s, moments_s)[:, None] + np.arange(-3, 3)
+        away = np.abs(times_s[np.clip(near, 0, n - 1)] - moments_s[:, None])
+        away[(near < 0) | (near >= n)] = np.inf
+        fourth = np.sort(away, axis=1)[:, min(3, n - 1)]
+        furthest = np.where(np.isfinite(away), away, 0.0).max(axis=1)  # where there are fewer than four
+        reach = np.maximum(reach_s, np.where(np.isfinite(fourth), fourth, furthest))
+        first = np.searchsorted(times_s, moments_s - reach)
+        last = np.maximum(np.searchsorted(times_s, moments_s + reach), first + 1)
+        averages = np.empty((len(moments_s), 4))
+        # Groups of alike size together: one between lost samples must not make all others as long.
+        order = np.argsort(last - first, kind="stable")
+        at = 0
+        while at < len(order):
+            group = order[at : at + _GROUP]
+            at += len(group)
+            rows = first[group, None] + np.arange(int((last - first)[group].max()))
+            inside = rows < last[group, None]
+            rows = np.minimum(rows, n - 1)
+            right, left = np.minimum(rows + 1, n - 1), np.maximum(rows - 1, 0)
+            own = (times_s[right] - times_s[left]) / (right - left)
+            weights = np.maximum(1.0 - np.abs(times_s[rows] - moments_s[group, None]) / reach[group, None], 0.0)
+            averages[group] = rotations.average_each(self.quats_wxyz[rows], np.where(inside, weights * own, 0.0))
+        return averages
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,13 +158,15 @@ def measure(
             Endpoint(
                 time_s=time_s,
                 index=samples.nearest(time_s),
-                quat_wxyz=samples.orientation(time_s, settings.average * period_s),
+                quat_wxyz=rotations.IDENTITY,  # all at once below
                 dwell_s=float((last - first) * step_s),
                 prominence_deg=float(np.degrees(min(before[k], after[k]))),
                 flags=("gap nearby",) if stretch_s > max_gap_s else (),
             )
         )
         travel.append((float(before[k]) / swing_rad, float(after[k]) / swing_rad))
+    quats = samples.orientations(np.array([point.time_s for point in kept]), settings.average * period_s)
+    kept = [replace(point, quat_wxyz=quat) for point, quat in zip(kept, quats, strict=True)]
     return Extremes(tuple(kept), np.array(travel).reshape(-1, 2), tuple(refused))
 
 

@@ -325,6 +325,29 @@ def average_and_share(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike | None =
     return (-mean if mean[0] < 0.0 else mean), float(values[-1] / values.sum())
 
 
+def average_each(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike) -> FloatArray:
+    """:func:`average` of k groups at once: what one group costs alone is mostly numpy's own cost per call.
+
+    Parameters
+    ----------
+    quats_wxyz
+        (k, m, 4) unit; groups of fewer than m are filled up with anything of weight 0, behind the first.
+    weights
+        (k, m) ≥ 0.
+
+    Returns
+    -------
+    (k, 4) unit, scalar part ≥ 0.
+    """
+    quats = _quats(quats_wxyz)
+    relative = multiply(quats, conjugate(quats[:, :1]))
+    weighted = relative * np.asarray(weights, dtype=np.float64)[:, :, None]
+    _, vectors = np.linalg.eigh(relative.transpose(0, 2, 1) @ weighted)
+    mean = multiply(vectors[:, :, -1], quats[:, 0])
+    mean /= np.linalg.norm(mean, axis=1)[:, None]
+    return np.where(mean[:, :1] < 0.0, -mean, mean)
+
+
 def slerp(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLike) -> FloatArray:
     """Orientation a fraction of the shorter way from ``start`` to ``end``, at constant rate of turn.
 

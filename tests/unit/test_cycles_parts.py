@@ -179,7 +179,7 @@ def test_an_average_over_time_is_not_pulled_by_lost_samples():
     keep = (t >= 0.2) | (np.arange(400) % 5 == 0)
     quats = Rotation.from_rotvec(np.radians(30.0 * t)[:, None] * [1.0, 0.0, 0.0]).as_quat(scalar_first=True)
     samples = Samples.of(OrientationSeries(t[keep], quats[keep], np.arange(400)[keep]))
-    got = Rotation.from_quat(samples.orientation(0.2, 0.05), scalar_first=True)
+    got = Rotation.from_quat(samples.orientations(np.array([0.2]), 0.05)[0], scalar_first=True)
     assert np.degrees(got.magnitude()) == pytest.approx(6.0, abs=0.01)
     assert samples.nearest(0.2004) == 200
     assert samples.bracket_s(0.1001) == pytest.approx(0.005)
