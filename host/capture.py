@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from firmware_protocol.packets import Event, Info, Status
 from host import recording_format as fmt
 from host.alarms import AlarmWatch
 from host.errors import HostError, LinkError, LinkLostError
@@ -24,6 +23,7 @@ from host.operator_actions import GUIDE, OperatorAction
 from host.operator_desk import OperatorDesk
 from host.reader import ReaderThread
 from host.recording import RecordingWriter
+from host.recording_views import add_views
 from host.screen import Screen
 from host.session import Phase, Session, SessionSettings
 from host.transports.chunks import AnyChunk, Transport
@@ -215,25 +215,8 @@ class Capture:
             self._session.reopened(now_ns)
 
     def _record(self, update: TrialUpdate, host_time_ns: int) -> None:
-        for batch in update.decoded:
-            self._recording.add_orientations(batch.stamps_ns, batch.quats_wxyz, host_time_ns)
-        for item in update.items:
-            if isinstance(item, Info):
-                self._recording.add_packet(fmt.INFO, item, host_time_ns)
-            elif isinstance(item, Status):
-                self._recording.add_packet(fmt.STATUS, item, host_time_ns)
-            elif isinstance(item, Event):
-                self._recording.add_packet(fmt.EVENT, item, host_time_ns)
+        add_views(self._recording, update, host_time_ns)
         for row in update.cycles:
-            values = {
-                "number": row.number,
-                "time_s": row.time_s,
-                "period_s": row.period_s,
-                "step_deg": row.step_deg,
-                "theta_bar_deg": row.theta_bar_deg,
-                "flags": ", ".join(row.flags),
-            }
-            self._recording.add_values(fmt.ENDPOINT, values, host_time_ns)
             self._screen.cycle(row)
             self._told_ns = 0
 

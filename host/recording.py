@@ -73,18 +73,16 @@ class RecordingWriter:
             ),
         )
         self._writer.start(profile=fmt.PROFILE, library=f"rotdrift {VERSION}")
-        self._writer.add_metadata(
-            fmt.METADATA_NAME,
-            {
-                "format": str(fmt.FORMAT_VERSION),
-                "version": VERSION,
-                "link": plain(link),
-                "wall_time_ns": str(wall_time_ns),
-                "monotonic_ns": str(monotonic_ns),
-                "settings": json.dumps(settings or {}, sort_keys=True),
-                "system": plain(f"{platform.system()} {platform.release()}, Python {platform.python_version()}"),
-            },
-        )
+        head = {
+            "format": str(fmt.FORMAT_VERSION),
+            "version": VERSION,
+            "link": plain(link),
+            "wall_time_ns": str(wall_time_ns),
+            "monotonic_ns": str(monotonic_ns),
+            "settings": json.dumps(settings or {}, sort_keys=True),
+            "system": plain(f"{platform.system()} {platform.release()}, Python {platform.python_version()}"),
+        }
+        self._writer.add_metadata(fmt.METADATA_NAME, head | {"crc32": fmt.metadata_crc(head)})
         schema_ids: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         for topic in fmt.TOPICS:
@@ -134,7 +132,7 @@ class RecordingWriter:
 
     def add_sent(self, data: bytes, host_time_ns: int) -> None:
         """Record what the host sent."""
-        self._add(fmt.SENT, fmt.encode_raw(Chunk(data, host_time_ns)), host_time_ns)
+        self._add(fmt.SENT, fmt.encode_raw(Chunk(data, host_time_ns), sent=True), host_time_ns)
 
     def add_orientations(
         self, stamps_ns: npt.NDArray[np.int64], quats_wxyz: npt.NDArray[np.float64], host_time_ns: int

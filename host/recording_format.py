@@ -1,10 +1,11 @@
 """What stands in a recording: topics, schemas and the bytes of each message.
 
 A recording is an MCAP file. The first channel, ``/raw/received``, holds exactly what the link delivered, with the
-host's monotonic time and a CRC-32 of both; it is the truth, and every score can be recomputed from it. ``/raw/sent``
-holds what the host sent. ``/trial/action`` holds what the operator did: the trial window and the cycles left out are
-read back from it. The other channels are for viewers (Foxglove, PlotJuggler, ROS 2 tools) and for people: nothing reads
-them back. All messages are ROS 2's: CDR bytes with a ``ros2msg`` schema in the file.
+host's monotonic time and a CRC-32 of both, so that a flipped bit is found; it is the truth, and every score can be
+recomputed from it. ``/raw/sent`` holds what the host sent. ``/trial/action`` holds what the operator did: the trial
+window and the cycles left out are read back from it. The other channels are for viewers (Foxglove, PlotJuggler, ROS 2
+tools) and for people: nothing reads them back. All messages are ROS 2's: CDR bytes with a ``ros2msg`` schema in the
+file.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import json
 import math
 import struct
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +25,7 @@ import numpy.typing as npt
 
 from firmware_protocol.packets import Event, Info, Status
 from host.plain_text import plain
-from host.ros_message import CDR_LITTLE_ENDIAN, RosField, RosMessageType
+from host.ros_message import CDR_LITTLE_ENDIAN, CRC_FIELD, RosField, RosMessageType
 from host.transports.chunks import AnyChunk, Chunk, FrameChunk
 
 FORMAT_VERSION = 1
@@ -49,9 +51,10 @@ RAW_SCHEMA = b"""\
 # What one read of the link returned (or one write sent), exactly.
 uint64 host_time_ns  # monotonic clock of the host at reception
 uint32 crc32         # CRC-32 (zlib) of host_time_ns as 8 little-endian bytes, kind, data
-uint8 kind           # 0: bytes of a serial link; 1: CAN frames, packed as firmware_protocol.can_frames says
-uint8[] data
+uint8 kind           # 0: bytes of a link; 1: CAN frames, packed as firmware_protocol.can_frames says; 2: what was sent
+uint8[] data         # none: the link was lost and is open again
 """
+SENT_KIND = 2
 
 QUATERNION_SCHEMA_NAME = "geometry_msgs/msg/QuaternionStamped"
 _RULE = "=" * 80
@@ -87,6 +90,7 @@ INFO_TYPE = RosMessageType(
         RosField("string", "card", "the object's own card, JSON"),
         RosField("uint8", "protocol_major"),
         RosField("uint8", "protocol_minor"),
+        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
     ),
 )
 STATUS_TYPE = RosMessageType(
@@ -100,6 +104,7 @@ STATUS_TYPE = RosMessageType(
         RosField("float64", "temperature_c"),
         RosField("float64[3]", "gyro_bias_dps", "deg/s, sensor axes"),
         RosField("uint16", "errors", "bits, see the protocol"),
+        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
     ),
 )
 EVENT_TYPE = RosMessageType(
@@ -108,6 +113,7 @@ EVENT_TYPE = RosMessageType(
         RosField("uint32", "device_time_us", "wraps"),
         RosField("string", "kind"),
         RosField("uint16", "value", "button number or marker"),
+        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
     ),
 )
 ENDPOINT_TYPE = RosMessageType(
@@ -119,6 +125,7 @@ ENDPOINT_TYPE = RosMessageType(
         RosField("float64", "step_deg", "angle of the step; NaN for the first"),
         RosField("float64", "theta_bar_deg", "rotation drift so far, provisional; NaN below two end points"),
         RosField("string", "flags", "what is odd about it, separated by commas"),
+        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
     ),
 )
 ACTION_TYPE = RosMessageType(
@@ -129,11 +136,16 @@ ACTION_TYPE = RosMessageType(
         RosField("string", "text", "what was typed"),
         RosField("float64", "from_s", "end point at the begin of the cycle that is meant; NaN where none is"),
         RosField("float64", "to_s", "end point at its end"),
+        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
     ),
 )
 NOTE_TYPE = RosMessageType(
     "rotdrift_msgs/msg/Note",
-    (RosField("string", "kind"), RosField("string", "text")),
+    (
+        RosField("string", "kind"),
+        RosField("string", "text"),
+        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
+    ),
 )
 
 
@@ -174,24 +186,38 @@ _QUATERNION = struct.Struct(f"<4siII{len(WORLD_FRAME) + 1}s{(-12 - len(WORLD_FRA
 _WORLD_BYTES = WORLD_FRAME.encode() + b"\0"
 
 
+def metadata_crc(values: Mapping[str, str]) -> str:
+    """Give the CRC-32 over the recording's own metadata, all keys but ``crc32`` in order, as eight hex digits."""
+    kept = {key: value for key, value in values.items() if key != "crc32"}
+    return f"{zlib.crc32(json.dumps(kept, sort_keys=True).encode()):08x}"
+
+
 class DamagedMessageError(ValueError):
     """The bytes of a raw message are not what was written: wrong length or CRC."""
 
 
-def encode_raw(chunk: AnyChunk) -> bytes:
-    """Make the CDR bytes of one raw chunk."""
-    kind = 1 if isinstance(chunk, FrameChunk) else 0
+def encode_raw(chunk: AnyChunk, sent: bool = False) -> bytes:
+    """Make the CDR bytes of one raw chunk, received or sent."""
+    kind = SENT_KIND if sent else 1 if isinstance(chunk, FrameChunk) else 0
     crc = zlib.crc32(chunk.data, zlib.crc32(_CRC_HEAD.pack(chunk.host_time_ns, kind)))
     return _RAW_HEAD.pack(CDR_LITTLE_ENDIAN, chunk.host_time_ns, crc, kind, len(chunk.data)) + chunk.data
 
 
-def decode_raw(message: bytes) -> AnyChunk:
+def raw_length(data: bytes, at: int = 0) -> int | None:
+    """Give the length of the raw message that begins at a place, as its header says; None where it cannot be one."""
+    if len(data) - at < _RAW_HEAD.size:
+        return None
+    head, _, _, kind, length = _RAW_HEAD.unpack_from(data, at)
+    return _RAW_HEAD.size + length if head == CDR_LITTLE_ENDIAN and kind <= SENT_KIND else None
+
+
+def decode_raw(message: bytes, topic: str = RECEIVED) -> AnyChunk:
     """Read the CDR bytes of one raw chunk back.
 
     Raises
     ------
     DamagedMessageError
-        Length, kind or CRC do not fit.
+        Length, kind or CRC do not fit, or it is none of its topic's: the record says a wrong channel.
     """
     if len(message) < _RAW_HEAD.size:
         raise DamagedMessageError("shorter than its header")
@@ -201,8 +227,10 @@ def decode_raw(message: bytes) -> AnyChunk:
         raise DamagedMessageError("its length does not fit")
     if zlib.crc32(data, zlib.crc32(_CRC_HEAD.pack(host_time_ns, kind))) != crc:
         raise DamagedMessageError("its CRC does not fit")
-    if kind > 1:
+    if kind > SENT_KIND:
         raise DamagedMessageError(f"it is of a kind this version does not know, {kind}")
+    if (kind == SENT_KIND) != (topic == SENT):
+        raise DamagedMessageError("it belongs to another channel")
     return FrameChunk(data, host_time_ns) if kind == 1 else Chunk(data, host_time_ns)
 
 

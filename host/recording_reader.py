@@ -108,13 +108,14 @@ class RecordingReader:
         """What was wrong with the file; complete after the messages were read once."""
         self._continuation = continuation
         self._channels: dict[int, str] = {}
+        self._headless = False
         self.header = self._read_header()
 
     def chunks(self, topic: str = fmt.RECEIVED) -> Iterator[AnyChunk]:
         """Give what the link delivered, in order, each with its time of reception."""
         for _, body in self._wanted({topic}):
             try:
-                yield fmt.decode_raw(bytes(body[_MESSAGE.size :]))
+                yield fmt.decode_raw(bytes(body[_MESSAGE.size :]), topic)
             except fmt.DamagedMessageError as error:
                 self.damage.append(f"a record of {topic} is damaged ({error}) and left out")
 
@@ -127,6 +128,8 @@ class RecordingReader:
     def _wanted(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview]]:
         """Give topic and body of the messages on some topics; the others are passed over many at a time."""
         self.damage.clear()
+        if self._headless:
+            self.damage.append("the recording's own description is damaged: link, date and settings are not known")
         with self._open() as file:
             for kind, body, run in self._records(file):
                 if run is not None:
@@ -161,6 +164,7 @@ class RecordingReader:
                 if kind == Opcode.MESSAGE and fmt.RECEIVED not in self._channels.values():
                     break
         if fmt.RECEIVED in self._channels.values():
+            self._headless = True
             return RecordingHeader("", "", 0, 0)
         raise FileError(
             f"{self.path} is an MCAP file, but not a recording of rotdrift",
@@ -255,12 +259,12 @@ class RecordingReader:
             offset = end
 
 
-def _parse_header(body: bytes) -> RecordingHeader | None:
+def parse_header(metadata: Metadata) -> RecordingHeader | None:
+    """Read what a metadata record of ours says; None where it is none, or damaged."""
+    values = metadata.metadata
+    if metadata.name != fmt.METADATA_NAME or values.get("crc32") not in {None, fmt.metadata_crc(values)}:
+        return None
     try:
-        metadata = Metadata.read(ReadDataStream(io.BytesIO(body)))
-        values = metadata.metadata
-        if metadata.name != fmt.METADATA_NAME:
-            return None
         return RecordingHeader(
             version=values["version"],
             link=values["link"],
@@ -268,5 +272,12 @@ def _parse_header(body: bytes) -> RecordingHeader | None:
             monotonic_ns=int(values["monotonic_ns"]),
             settings=json.loads(values["settings"]),
         )
+    except _PARSE_ERRORS:
+        return None
+
+
+def _parse_header(body: bytes) -> RecordingHeader | None:
+    try:
+        return parse_header(Metadata.read(ReadDataStream(io.BytesIO(body))))
     except _PARSE_ERRORS:
         return None

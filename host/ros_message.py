@@ -7,11 +7,15 @@ string is its length with the closing zero, its UTF-8 bytes, and that zero.
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 CDR_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+CRC_FIELD = "crc32"
+"""A last field of this name, ``uint32``, is filled in and checked here: CRC-32 (zlib) of the type's name in UTF-8 and
+all bytes of the message before the field."""
 _CODES = {
     "bool": "?",
     "uint8": "B",
@@ -68,6 +72,9 @@ class RosMessageType:
                 out += text + b"\0"
                 continue
             code, count = _code(item.kind)
+            if item.name == CRC_FIELD:
+                out += bytes(-len(out) % 4)
+                value = self._crc(bytes(out))
             parts = list(value) if count > 1 and value is not None else [value] * count
             for part in parts:
                 empty = float("nan") if code in "fd" else 0
@@ -80,7 +87,7 @@ class RosMessageType:
         Raises
         ------
         ValueError
-            Not the bytes of such a message.
+            Not the bytes of such a message, or damaged.
         """
         if message[:4] != CDR_LITTLE_ENDIAN:
             raise ValueError("not little-endian CDR")
@@ -94,14 +101,20 @@ class RosMessageType:
                     at += length
                     continue
                 code, count = _code(item.kind)
+                before = body[: at + -at % 4]
                 parts = []
                 for _ in range(count):
                     part, at = _unpack(body, at, code)
                     parts.append(part)
                 values[item.name] = parts if count > 1 else parts[0]
+                if item.name == CRC_FIELD and values.pop(CRC_FIELD) != self._crc(before):
+                    raise ValueError("its CRC does not fit")
         except struct.error as error:
             raise ValueError(f"too short for {self.name}") from error
         return values
+
+    def _crc(self, body: bytes) -> int:
+        return zlib.crc32(body, zlib.crc32(self.name.encode()))
 
 
 def _code(kind: str) -> tuple[str, int]:

@@ -18,5 +18,6 @@ COMMANDS = (
     "verify",
     "compare",
     "convert",
+    "recover",
 )
 """Subcommands in the order of the help."""

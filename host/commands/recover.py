@@ -1,0 +1,43 @@
+"""``rotdrift recover``: a clean recording from a cut or damaged one."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand and its arguments."""
+    parser = subparsers.add_parser(
+        "recover",
+        help="make a clean recording of a cut or damaged one",
+        description=(
+            "Search a recording for everything that is whole, by the checksum of each record, and write it as a new "
+            "recording. A capture that was killed needs this not: its recording replays and scores as it is."
+        ),
+    )
+    parser.add_argument("source", metavar="IN", type=Path, help="the damaged recording")
+    parser.add_argument("target", metavar="OUT", type=Path, help="the recording to write; must not exist")
+    parser.add_argument("--json", action="store_true", help="print what was found as one JSON object")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Recover a recording.
+
+    Raises
+    ------
+    FileError
+        Nothing to recover, or the new file cannot be written.
+    """
+    from host.recovery import recover
+
+    found = recover(args.source, args.target)
+    if args.json:
+        sys.stdout.write(json.dumps(found.to_json(), indent=2) + "\n")
+    else:
+        for sentence in found.sentences():
+            sys.stdout.write(sentence + "\n")
+        sys.stdout.write(f"written to {args.target}\n")
+    return 0
