@@ -16,6 +16,7 @@ from host.recorded_trial import RecordedTrial, load_trial
 from host.recording_reader import is_our_recording
 from host.result import ScoreOptions, score_plain, score_trial
 from host.transports.can_log_kind import can_log_kind
+from host.window_bounds import Bound, resolve_window
 
 
 @dataclass(frozen=True)
@@ -86,9 +87,23 @@ def _named(trial: RecordedTrial, path: Path) -> tuple[OrientationSeries, Recorde
 
 
 def score_recording(
-    path: Path, options: ScoreOptions | None = None, reading: ReadOptions | None = None
+    path: Path,
+    options: ScoreOptions | None = None,
+    reading: ReadOptions | None = None,
+    window: tuple[Bound, Bound] | None = None,
 ) -> ScoredRecording:
     """Read and score a recording of any format.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    options
+        What a person chose for the score.
+    reading
+        How to read a file that is not ours.
+    window
+        In place of ``options.window``, where its ends may be markers.
 
     Raises
     ------
@@ -101,6 +116,8 @@ def score_recording(
     options = options or ScoreOptions()
     if options.endpoints is not None:
         options = replace(options, endpoints=_without_path(options.endpoints))
+    if window is not None:
+        options = replace(options, window=resolve_window(window, trial))
     try:
         score = score_plain(series, options) if trial is None else score_trial(trial, options)
     except SeriesError as error:

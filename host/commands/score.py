@@ -29,8 +29,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--endpoints", metavar="ROWS|CSV", help="end points chosen by hand: 1175,1639 (rows), 12.5s,17.1s, or a CSV"
     )
-    parser.add_argument("--from", dest="start", type=float, metavar="S", help="begin of the window")
-    parser.add_argument("--to", dest="end", type=float, metavar="S", help="end of the window")
+    parser.add_argument(
+        "--from", dest="start", type=_bound, metavar="S|MARKER", help="begin of the window: seconds, or m1 for a marker"
+    )
+    parser.add_argument("--to", dest="end", type=_bound, metavar="S|MARKER", help="end of the window")
     parser.add_argument("--columns", metavar="SPEC", help="what the columns are: t=time,qw=w,qx=x,qy=y,qz=z")
     parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where the file has no time stamps")
     parser.add_argument("--topic", metavar="NAME", help="which topic of a bag")
@@ -154,6 +156,13 @@ def score_file(path: Path, args: argparse.Namespace) -> ScoredRecording:
         raise UsageError(str(error)) from error
     return score_recording(
         path,
-        ScoreOptions(window, chosen, args.baseline, args.as_published),
+        ScoreOptions(None, chosen, args.baseline, args.as_published),
         ReadOptions(args.columns, args.rate, args.topic, args.node),
+        window,
     )
+
+
+def _bound(text: str) -> float | str:
+    from host.window_bounds import parse_bound  # imports numpy: only where there is something to parse
+
+    return parse_bound(text)

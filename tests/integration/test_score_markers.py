@@ -1,0 +1,50 @@
+"""``rotdrift score --from m1 --to m2``: the window between markers that were set during the capture."""
+
+import json
+
+import pytest
+
+from host import recording_format as fmt
+from host.operator_actions import MARKER, OperatorAction
+from host.recording import RecordingWriter
+from tests.command_line import one_sentence, rotdrift
+from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks, write_recording
+
+
+@pytest.fixture(scope="module")
+def chunks():
+    return virtual_chunks(scenario(motion={"cycles": 8, "period_s": 2.0}))[0]
+
+
+@pytest.fixture
+def marked(tmp_path, chunks):
+    path = tmp_path / "marked.mcap"
+    writer = RecordingWriter(path, "memory:", WALL_NS, MONOTONIC_NS)
+    for chunk in chunks:
+        writer.add_received(chunk)
+    for number, time_s in enumerate((5.1, 13.9), 1):
+        action = OperatorAction(MARKER, time_s, f"marker {number}")
+        writer.add_values(fmt.ACTION, action.values(), chunks[-1].host_time_ns)
+    writer.close()
+    return path
+
+
+def test_the_window_between_markers_is_that_of_their_times(marked):
+    by_marker = json.loads(rotdrift("score", marked, "--from", "m1", "--to", "m2", "--json").stdout)
+    by_time = json.loads(rotdrift("score", marked, "--from", "5.1", "--to", "13.9", "--json").stdout)
+    whole = json.loads(rotdrift("score", marked, "--json").stdout)
+    assert by_marker["valid"]
+    assert by_marker["endpoints"] == by_time["endpoints"]
+    assert by_marker["n_endpoints"] < whole["n_endpoints"]
+
+
+def test_a_marker_that_is_not_there_is_named_with_those_that_are(marked):
+    said = one_sentence(rotdrift("score", marked, "--from", "m3"), 2)
+    assert "no marker m3" in said
+    assert "m1 at 5.10 s" in said
+
+
+def test_a_recording_without_markers_says_so(tmp_path, chunks):
+    plain = write_recording(tmp_path / "plain.mcap", chunks)
+    assert "no marker m1" in one_sentence(rotdrift("score", plain, "--to", "m1"), 2)
+    assert "neither seconds" in one_sentence(rotdrift("score", plain, "--to", "soon"), 2)
