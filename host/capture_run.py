@@ -120,7 +120,7 @@ def difference_sentence(live_deg: float | None, score: TrialScore) -> str:
         return f"no score: {score.reasons[0]}" if score.reasons else "no score"
     if live_deg is None:
         return f"the live view had no score yet; the result has {len(score.endpoints) - 1} cycles"
-    return f"the live view had {live_deg:.3f}°: the result differs by {score.theta_bar_deg - live_deg:+.3f}°"
+    return f"live {live_deg:.3f}°, the result differs by {score.theta_bar_deg - live_deg:+.3f}°"
 
 
 def _baseline(path: Path) -> StaticBaseline:

@@ -49,8 +49,8 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
     top = score_panel(state, look, width, small_path=not wide)
     top += object_rows(states, focus, look, max(2, height // 6))
     top += guide_lines(state, look, width)
-    notices = notice_lines(state, look)
-    foot = [*status_panel(state, look, width), bottom_line(view, len(states), state.finished)]
+    notices = notice_lines(state, look, width)
+    foot = [*status_panel(state, look, width), bottom_line(view, len(states), state.finished, state.guide is not None)]
     spare = height - len(top) - len(notices) - len(foot)
     if spare < MIN_TABLE:  # a small terminal: what is wrong goes before the status
         foot = foot[-1:]

@@ -49,7 +49,7 @@ def path_plot(state: TrialState, look: Look, width: int, height: int, labels: bo
     if len(points) < 2:
         return block([look.text("no steps yet", "quiet")] if labels else [], width, height, look)
     top = max(max(angle for _, angle in points), 1e-3)
-    margin = 8 if labels else 0
+    margin = (10 if look.ascii_only else 8) if labels else 0
     canvas = Canvas(width - margin, height - (1 if labels else 0), look)
     first, last = points[0][0], points[-1][0]
     across, up = (canvas.width - 1) / max(1, last - first), canvas.height - 1

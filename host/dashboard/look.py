@@ -89,9 +89,11 @@ class Look:
         return line
 
     def listed(self, parts: list[str | tuple[str, str]]) -> Text:
-        """Put texts in a row with a dot between them."""
+        """Put texts in a row with a dot between them; empty ones are left out."""
         joined: list[str | tuple[str, str]] = []
         for part in parts:
+            if not (part if isinstance(part, str) else part[0]):
+                continue
             if joined:
                 joined.append((" · ", "quiet"))
             joined.append(part)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 from rich.text import Text
 
 from host.dashboard.boxes import Lines, framed
@@ -37,9 +39,14 @@ def guide_lines(state: TrialState, look: Look, width: int) -> Lines:
     return framed([line], f"step {guide.number} of {guide.n_steps}", width, 3, look, "accent")
 
 
-def notice_lines(state: TrialState, look: Look) -> Lines:
+def notice_lines(state: TrialState, look: Look, width: int) -> Lines:
     """Draw alarms, then warnings, then the trial window and the last mark; at most :data:`MAX_NOTICES`."""
-    lines = [look.join((f"ALARM {alarm.kind}: ", "bad"), alarm.sentence) for alarm in state.alarms]
+    lines: Lines = []
+    for alarm in state.alarms:
+        first, *rest = textwrap.wrap(look.words(f"ALARM {alarm.kind}: {alarm.sentence}"), max(20, width))
+        lines.append(look.text(first))
+        lines[-1].stylize(look.styles["bad"], 0, len(f"ALARM {alarm.kind}:"))
+        lines += [look.text(f"  {line}") for line in rest[:1]]
     told = list(state.warnings)
     if state.recording.problem and state.recording.problem not in told:
         told.append(state.recording.problem)
@@ -55,13 +62,13 @@ def notice_lines(state: TrialState, look: Look) -> Lines:
     return lines[:MAX_NOTICES]
 
 
-def bottom_line(view: View, n_objects: int, finished: bool) -> Text:
-    """Draw what is being typed, or the keys."""
+def bottom_line(view: View, n_objects: int, finished: bool, waits: bool = False) -> Text:
+    """Draw what is being typed, or the keys; ``waits``: the finished picture stays until a key is pressed."""
     look = view.look
     if view.prompt:
         return look.join((f"{view.prompt}: ", "strong"), view.typed, ("_", "accent"), ("  (Enter, Esc)", "quiet"))
     if finished:
-        return look.join(("finished", "good"), ("  any key ends", "quiet"))
+        return look.join(("finished", "good"), ("  any key ends" if waits else "", "quiet"))
     line = Text(no_wrap=True, end="")
     if view.paused:
         line.append_text(look.join(("PAUSED, the capture goes on ", "doubtful")))

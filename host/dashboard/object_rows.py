@@ -38,8 +38,9 @@ def object_rows(states: tuple[TrialState, ...], focus: int, look: Look, height: 
         trouble = state.alarms[0].kind if state.alarms else "" if state.link.connected else "DISCONNECTED"
         line = look.join(
             (f"{sign} {index + 1:2} ", "strong" if index == focus else "plain"),
-            f"{name[:20]:20} θ̄ {theta}°  {state.n_cycles:3} cycles  {rate:>8}  {state.motion.phase:18} ",
-            (f"ALARM {trouble} " if trouble else "", "bad"),
+            f"{name[:16]:16} θ̄ {theta}° {state.n_cycles:4} cycles {rate:>8}  ",
+            (f"ALARM {trouble}  " if trouble else "", "bad"),
+            f"{state.motion.phase}  ",
             (state.link.name, "quiet"),
         )
         lines.append(line)

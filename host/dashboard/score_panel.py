@@ -12,7 +12,7 @@ from host.dashboard.look import Look
 from host.trial_state import TrialState
 
 HEIGHT = 5
-TEXT_WIDTH = 47
+TEXT_WIDTH = 50
 """Room that the sentences want beside the figures."""
 
 MAX_PATH = 28
@@ -42,7 +42,7 @@ def score_panel(state: TrialState, look: Look, width: int, small_path: bool) -> 
     words_width = inner - digits_width
     parts = [block(digits, digits_width, 3, look)]
     path_width = min(MAX_PATH, words_width - TEXT_WIDTH)
-    if small_path and path_width >= 8:
+    if small_path and path_width >= 7:
         parts += [block(words, words_width - path_width, 3, look), path_plot(state, look, path_width, 3, labels=False)]
     else:
         parts.append(block(words, words_width, 3, look))

@@ -1,0 +1,160 @@
+"""Moments of trials for the snapshots of the dashboard: `python -m tests.unit.dashboard_states` draws them anew."""
+
+import io
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from analysis import rotations
+from host.dashboard import Look, View, render
+from host.loss_ledger import LossReport
+from host.trial_state import (
+    Alarm,
+    CycleRow,
+    GuideView,
+    LinkView,
+    MotionView,
+    OperatorMark,
+    RecordingView,
+    SensorView,
+    TrialState,
+    WindowView,
+)
+
+FOLDER = Path(__file__).resolve().parent / "snapshots"
+
+
+def cycles(n, step_deg=0.8):
+    rows, quat = [], np.array([1.0, 0.0, 0.0, 0.0])
+    for k in range(n):
+        turn = math.radians(step_deg) * np.array([0.1 * math.sin(k), 0.6, 0.8 + 0.1 * math.cos(2 * k)])
+        angle = float(np.linalg.norm(turn))
+        if k:
+            quat = rotations.multiply(rotations.exp(turn), quat)
+        rows.append(
+            CycleRow(
+                number=k,
+                time_s=6.0 + 4.0 * k,
+                period_s=4.0 if k else None,
+                step_deg=math.degrees(angle) if k else None,
+                step_axis=tuple(float(part) for part in turn / angle) if k else None,
+                theta_bar_deg=0.8 if k else None,
+                flags=("odd spacing",) if k == 4 else (),
+                quat_wxyz=tuple(float(part) for part in quat),
+                excluded="hand paused" if k == 6 else "",
+            )
+        )
+    return tuple(rows)
+
+
+NOTHING = TrialState(title="rotdrift capture", target_cycles=20)
+ROWS = cycles(12)
+RUNNING = TrialState(
+    title="rotdrift capture",
+    elapsed_s=61.0,
+    n_endpoints=11,
+    cycles=ROWS,
+    theta_bar_deg=0.8125,
+    interval_deg=(0.61, 1.01),
+    half_width_deg=0.2,
+    target_half_width_deg=0.15,
+    more_cycles=6,
+    target_cycles=20,
+    origin_wxyz=ROWS[0].quat_wxyz,
+    motion=MotionView("running", True, 4.0, 40.0, 0.6, (), 21.0),
+    sensor=SensorView(
+        name="[red]cube[/red]",
+        still=False,
+        temperature_c=31.2,
+        battery_v=3.9,
+        orientation_wxyz=(0.9, 0.1, -0.4, 0.14),
+        heading_deg_per_min=0.5,
+        floor_deg=0.05,
+    ),
+    link=LinkView(
+        "serial:/dev/ttyACM0",
+        rate_hz=99.9,
+        expected_rate_hz=100.0,
+        losses=LossReport(6100, 6100),
+        segments=1,
+        skew_ppm=12.3,
+        jitter_p99_ms=0.31,
+    ),
+    recording=RecordingView("rotdrift-trials/a.mcap", 1_500_000, None, 10**10),
+    marks=(OperatorMark(31.0, "marker 1"),),
+)
+ALARM = replace(
+    RUNNING,
+    link=replace(RUNNING.link, losses=LossReport(6100, 5978, 100, 20, 2), crc_errors=20, rate_hz=92.0, segments=2),
+    sensor=replace(RUNNING.sensor, saturated=True),
+    motion=replace(RUNNING.motion, flags=("axis ambiguous",)),
+    window=WindowView(5.0, None),
+    warnings=("the link was lost and is open again; nothing came for 1.2 s",),
+    alarms=(
+        Alarm("reorientation", "cycle 11 turned it by 8.1°: dropped or regrasped? x leaves it out"),
+        Alarm("losses", "2.0 % of the last samples are missing: check cable, distance and rate"),
+    ),
+)
+GUIDED = replace(RUNNING, guide=GuideView(3, 5, "let it turn", "10 of 20 cycles", 0.5))
+FINISHED = replace(
+    RUNNING,
+    finished=True,
+    theta_bar_deg=0.8102,
+    provisional_deg=0.8125,
+    summary="live 0.812°, the result differs by -0.002°",
+)
+SECOND = replace(
+    RUNNING, sensor=replace(RUNNING.sensor, name="ball"), theta_bar_deg=2.5, alarms=ALARM.alarms[1:], cycles=ROWS[:5]
+)
+
+SNAPSHOTS = {
+    "nothing-80x24": ((NOTHING,), View(), 80, 24, False),
+    "running-80x24": ((RUNNING,), View(), 80, 24, False),
+    "running-80x24-colour": ((RUNNING,), View(), 80, 24, True),
+    "running-80x24-light": ((RUNNING,), View(look=Look(light=True)), 80, 24, True),
+    "running-120x36": ((RUNNING,), View(), 120, 36, False),
+    "running-200x60": ((RUNNING,), View(), 200, 60, False),
+    "running-80x24-ascii": ((RUNNING,), View(look=Look(ascii_only=True)), 80, 24, False),
+    "running-120x36-ascii": ((RUNNING,), View(look=Look(ascii_only=True)), 120, 36, False),
+    "alarm-80x24": ((ALARM,), View(), 80, 24, False),
+    "alarm-200x60": ((ALARM,), View(), 200, 60, False),
+    "two-objects-80x24": ((RUNNING, SECOND), View(focus=1), 80, 24, False),
+    "two-objects-120x36": ((RUNNING, SECOND), View(), 120, 36, False),
+    "guide-80x24": ((GUIDED,), View(), 80, 24, False),
+    "prompt-80x24": ((RUNNING,), View(prompt="leave out cycle 11, because", typed="it slip"), 80, 24, False),
+    "help-80x24": ((RUNNING,), View(help_open=True, paused=True), 80, 24, False),
+    "finished-80x24": ((FINISHED,), View(), 80, 24, False),
+}
+"""Name -> states, view, width, height, with colour."""
+
+
+def draw(name):
+    """Draw one snapshot as text."""
+    states, view, width, height, colour = SNAPSHOTS[name]
+    console = Console(
+        file=io.StringIO(),
+        width=width,
+        height=height,
+        force_terminal=colour,
+        color_system="256" if colour else None,
+        legacy_windows=False,
+        _environ={},
+    )
+    console.print(render(states, view))
+    lines = console.file.getvalue().split("\n")
+    return "\n".join(line.rstrip() for line in lines).rstrip("\n") + "\n"
+
+
+def main():
+    FOLDER.mkdir(exist_ok=True)
+    for name in SNAPSHOTS:
+        (FOLDER / f"{name}.txt").write_text(draw(name), encoding="utf-8")
+    sys.stdout.write(f"{len(SNAPSHOTS)} snapshots drawn in {FOLDER}; read their difference\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,47 @@
+"""The dashboard as it is drawn, for the states that matter. Regenerate: ``python -m tests.unit.dashboard_states``."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from rich.cells import cell_len
+
+from host.dashboard import Look, View, picture
+from tests.unit.dashboard_states import ALARM, FOLDER, GUIDED, NOTHING, RUNNING, SECOND, SNAPSHOTS, draw
+
+
+@pytest.mark.parametrize("name", sorted(SNAPSHOTS))
+def test_the_picture_is_as_agreed(name):
+    agreed = (FOLDER / f"{name}.txt").read_text(encoding="utf-8")
+    assert draw(name) == agreed, "if this is meant: python -m tests.unit.dashboard_states, and read the difference"
+
+
+def test_there_are_no_snapshots_of_nothing():
+    assert {path.stem for path in FOLDER.glob("*.txt")} == set(SNAPSHOTS)
+
+
+@pytest.mark.parametrize("look", [Look(), Look(ascii_only=True)], ids=["unicode", "ascii"])
+@pytest.mark.parametrize("size", [(80, 24), (60, 16), (109, 28), (110, 28), (111, 27), (200, 60), (300, 90), (40, 10)])
+@pytest.mark.parametrize("states", [(NOTHING,), (RUNNING,), (ALARM,), (GUIDED,), (RUNNING, SECOND) * 9])
+def test_every_line_has_the_width_of_the_terminal(states, size, look):
+    lines = picture(states, View(look=look, focus=1), *size)
+    assert len(lines) == size[1]
+    assert {cell_len(line.plain) for line in lines} == {size[0]}
+    if look.ascii_only:
+        assert all(line.plain.isascii() for line in lines)
+
+
+def test_colour_is_never_the_only_carrier():
+    def bare(name):
+        return re.sub(r"\x1b\[[0-9;]*m", "", draw(name))
+
+    assert [line.rstrip() for line in bare("running-80x24-colour").splitlines()] == draw("running-80x24").splitlines()
+    assert draw("running-80x24-colour") != draw("running-80x24-light")
+    assert "\x1b" not in draw("alarm-80x24")
+
+
+def test_more_cycles_than_fit_show_the_newest():
+    state = replace(RUNNING, cycles=tuple(replace(RUNNING.cycles[-1], number=k) for k in range(100, 300)))
+    text = "\n".join(line.plain for line in picture((state,), View(), 80, 24))
+    assert "   299 " in text
+    assert "   200 " not in text
