@@ -20,6 +20,7 @@ PAGE_IN = (8.27, 11.69)
 MARGIN_IN = 0.6
 _LINE = 1.32  # line height over font size
 _CHARACTER = 0.565  # mean width of a character over font size, DejaVu Sans
+_MIN_PICTURES_IN = 4.8  # room for the tallest figure and its caption below the text, else they begin a page
 
 
 class _Page:
@@ -112,7 +113,10 @@ class _Page:
 
     def pictures(self, figures: Sequence[NamedFigure]) -> None:
         """Set figures in two columns, each with its caption, the next one in the shorter column."""
-        self.feed()
+        if self._y - MARGIN_IN < _MIN_PICTURES_IN:
+            self.feed()
+        else:
+            self._y -= 0.2
         tops = [self._y, self._y]
         for figure in figures:
             image = imread(io.BytesIO(figure.files["png"]))
