@@ -134,6 +134,8 @@ def _small_reads(topic: Topic, clean: bytes, quick: bool) -> None:
         for name, values in curves.items():
             label = "frames per read", "µs per frame"
             topic.curves.append(Curve(name, *label, tuple(map(float, sizes)), tuple(values)))
-        better = [size for size, a, b in zip(sizes, curves["one by one"], curves["together"], strict=True) if b < a]
+        pairs = list(zip(sizes, curves["one by one"], curves["together"], strict=True))
+        last_worse = max(size for size, a, b in pairs if b >= a and size > 1)  # a lone frame has a path of its own
+        better = [size for size in sizes if size > last_worse]
         topic.rows.append(figure("crossover measured: together is faster from", [float(min(better))], "frames"))
         topic.rows.append(figure("crossover used (BATCH_BYTES)", [threshold / FRAME_BYTES], "frames"))

@@ -8,6 +8,7 @@ ORIENTATION frame of that length is handed back for the slow path, with its plac
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,8 @@ IntArray = npt.NDArray[np.int64]
 
 BLOCK_BYTES = 1 << 19
 """Bytes handled together: enough to drown numpy's cost per call, few enough to stay in the second-level cache."""
+FEW_PACKETS = 3000
+"""Up to so many packets a table for their CRC is faster than shifts. Measured."""
 ORIENTATION_BYTES = STREAMED[PacketType.ORIENTATION].size
 SHORTEST_PIECE = ORIENTATION_BYTES + CRC_BYTES + 1
 LONGEST_PIECE = SHORTEST_PIECE + 32
@@ -138,10 +141,37 @@ def _uncobs(columns: ByteArray) -> npt.NDArray[np.bool_]:
 
 
 def crc_columns(columns: ByteArray) -> tuple[ByteArray, ByteArray]:
-    """CRC-16/CCITT-FALSE of n packets of one length, given as columns (length, n): low and high bytes (n,).
+    """CRC-16/CCITT-FALSE of n packets of one length, given as columns (length, n): low and high bytes (n,)."""
+    length, n = columns.shape
+    if n <= FEW_PACKETS and length % 2 == 0 and length:
+        return _crc_by_words(columns)
+    return _crc_by_bytes(columns)
 
-    One step per byte position by shifts alone: with x = high ⊕ byte and x ⊕= x >> 4, the new CRC is
-    (low << 8) ⊕ (x << 12) ⊕ (x << 5) ⊕ x.
+
+@cache
+def _word_table() -> npt.NDArray[np.uint16]:
+    """CRC register after two more bytes, by the register exclusive-or those bytes."""
+    table = np.arange(1 << 16, dtype=np.uint16)
+    for _ in range(16):
+        table = np.where(table & 0x8000, table << 1 ^ 0x1021, table << 1).astype(np.uint16)
+    return table
+
+
+def _crc_by_words(columns: ByteArray) -> tuple[ByteArray, ByteArray]:
+    """Two bytes a step by a table: the fewest numpy calls, which is what a few hundred packets cost."""
+    words = np.multiply(columns[0::2], 256, dtype=np.uint16)
+    np.bitwise_or(words, columns[1::2], out=words)
+    table = _word_table()
+    crc = np.full(columns.shape[1], CRC_INITIAL, dtype=np.uint16)
+    for word in words:
+        crc = table[np.bitwise_xor(crc, word, out=word)]
+    return (crc & 0xFF).astype(np.uint8), (crc >> 8).astype(np.uint8)
+
+
+def _crc_by_bytes(columns: ByteArray) -> tuple[ByteArray, ByteArray]:
+    """One step per byte position by shifts alone, no table: the fastest where packets are many.
+
+    With x = high ⊕ byte and x ⊕= x >> 4, the new CRC is (low << 8) ⊕ (x << 12) ⊕ (x << 5) ⊕ x.
     """
     n = columns.shape[1]
     high = np.full(n, CRC_INITIAL >> 8, dtype=np.uint8)
