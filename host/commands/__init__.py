@@ -19,5 +19,6 @@ COMMANDS = (
     "compare",
     "convert",
     "recover",
+    "doctor",
 )
 """Subcommands in the order of the help."""

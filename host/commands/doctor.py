@@ -1,0 +1,76 @@
+"""``rotdrift doctor``: a report on machine and link to read, and to paste into a bug report."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from host.findings import Finding
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand and its arguments."""
+    parser = subparsers.add_parser(
+        "doctor",
+        help="check this machine, its ports and a link",
+        description=(
+            "Look at versions, clock, disk and ports; with a LINK also shake hands with the object and listen for some "
+            "seconds: rate, jitter, losses, clock skew. Exit code 0: all is well, 1: something is doubtful or bad, 3: "
+            "the link cannot be captured from."
+        ),
+    )
+    parser.add_argument("link", metavar="LINK", nargs="?", help="serial:/dev/ttyACM0, can:socketcan:can0, ...")
+    parser.add_argument("--seconds", type=float, default=5.0, metavar="S", help="how long to listen (default: 5)")
+    parser.add_argument(
+        "--folder", type=Path, default=Path(), metavar="DIR", help="where recordings go (default: here)"
+    )
+    parser.add_argument("--json", action="store_true", help="print the findings as a JSON list, and nothing else")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check machine and link.
+
+    Raises
+    ------
+    UsageError
+        An impossible duration or link.
+    """
+    from host.errors import UsageError
+    from host.findings import Verdict
+    from host.link_check import check_link
+    from host.link_uri import parse_link_uri
+    from host.machine_check import clock_source, disk, serial_ports, versions
+    from host.stop_signals import StopSignals
+    from host.transports.serial_listing import list_serial_ports
+
+    if not 0.5 <= args.seconds <= 3600:
+        raise UsageError(f"{args.seconds:g} s is no time to listen", "give --seconds from 0.5 to 3600")
+    link = None if args.link is None else str(parse_link_uri(args.link))
+    machine = [*versions(), *clock_source(), *disk(args.folder), *serial_ports(list_serial_ports())]
+    on_link: list[Finding] = []
+    if link is not None:
+        with StopSignals() as signals:
+            on_link = check_link(link, args.seconds, signals.stop)
+    findings = machine + on_link
+    if args.json:
+        sys.stdout.write(json.dumps([finding.to_json() for finding in findings], indent=2, ensure_ascii=False) + "\n")
+    else:
+        _print(findings)
+    # A port nobody asked for does not make the machine ill.
+    judged = on_link if link is not None else findings
+    if any(finding.verdict is Verdict.BAD for finding in on_link):
+        return 3
+    return int(any(finding.verdict in {Verdict.DOUBTFUL, Verdict.BAD} for finding in judged))
+
+
+def _print(findings: list[Finding]) -> None:
+    signs = {"info": " ", "ok": "+", "doubtful": "?", "bad": "!"}
+    width = max(len(finding.topic) for finding in findings)
+    for finding in findings:
+        sys.stdout.write(f"{signs[finding.verdict.value]} {finding.topic:{width}}  {finding.text}\n")
+        if finding.mend:
+            sys.stdout.write(f"  {'':{width}}  -> {finding.mend}\n")
