@@ -26,6 +26,7 @@ __all__ = ["Look", "View", "picture", "render"]
 WIDE, TALL = 110, 28
 """From this size on the drift path and the sphere have panels of their own."""
 MIN_TABLE = 3
+HELP_LINES = 18
 MIN_PLOT, MAX_PLOT = 34, 72
 """Width of the right column, cells."""
 
@@ -52,7 +53,7 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
     notices = notice_lines(state, look, width)
     foot = [*status_panel(state, look, width), bottom_line(view, len(states), state.finished, state.guide is not None)]
     spare = height - len(top) - len(notices) - len(foot)
-    if spare < MIN_TABLE:  # a small terminal: what is wrong goes before the status
+    if spare < MIN_TABLE or (view.help_open and spare < HELP_LINES):  # a small terminal: what is wrong goes before the status
         foot = foot[-1:]
         spare = height - len(top) - len(notices) - len(foot)
     middle_height = max(1, spare)

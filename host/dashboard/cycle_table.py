@@ -10,7 +10,7 @@ from host.trial_state import CycleRow, TrialState
 
 AXIS_WIDTH, NARROW_AXIS_WIDTH = 17, 14
 MIN_BAR, MAX_BAR = 6, 40
-_FIXED = 41
+_FIXED = 42
 """Cells of the columns that always have the same width, with the spaces between them."""
 _FLAGS = 13
 """Cells kept for flags."""

@@ -1,0 +1,68 @@
+"""The command in a real terminal: what is on its screen, keys pressed, modes left behind."""
+
+import contextlib
+import termios
+import time
+
+import pexpect
+import pyte
+
+from tests.command_line import BASE, environment
+
+
+class Terminal:
+    """A program in a terminal, and what is on its screen."""
+
+    def __init__(self, arguments, cwd, width=80, height=24, **extra):
+        self._screen = pyte.Screen(width, height)
+        self._stream = pyte.Stream(self._screen)
+        self.raw = ""
+        self.process = pexpect.spawn(
+            BASE[0],
+            [*BASE[1:], *map(str, arguments)],
+            cwd=str(cwd),
+            env=environment(TERM="xterm-256color", **extra),
+            dimensions=(height, width),
+            encoding="utf-8",
+            codec_errors="replace",
+            timeout=30,
+        )
+        self.process.delaybeforesend = None
+        self.modes_before = self.modes()
+
+    def modes(self):
+        """Modes of the terminal that a program must give back."""
+        mode = termios.tcgetattr(self.process.child_fd)
+        return mode[:4]
+
+    def read(self):
+        with contextlib.suppress(pexpect.TIMEOUT):
+            piece = self.process.read_nonblocking(65536, timeout=0.1)
+            self.raw += piece
+            self._stream.feed(piece)
+
+    @property
+    def text(self):
+        return "\n".join(self._screen.display)
+
+    def wait_for(self, text, within_s=30.0):
+        deadline = time.monotonic() + within_s
+        while text not in self.text:
+            assert time.monotonic() < deadline, f"{text!r} was not seen in:\n{self.text}"
+            self.read()
+        return self.text
+
+    def press(self, keys):
+        self.process.send(keys)
+
+    def finish(self):
+        with contextlib.suppress(pexpect.EOF):
+            while True:
+                self.read()
+        self.process.wait()
+        return self.process.exitstatus
+
+    @property
+    def after(self):
+        """What was written after the screen was left."""
+        return self.raw.split("\x1b[?1049l")[-1]
