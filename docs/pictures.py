@@ -33,9 +33,10 @@ class KeepingScreen(QuietScreen):
 
     state = TrialState()
 
-    def update(self, state: TrialState) -> None:
-        """Keep the state."""
-        self.state = state
+    def update(self, state: TrialState, index: int = 0) -> None:
+        """Keep the state, as long as it is live."""
+        if not state.finished:
+            self.state = state
 
 
 def dashboard_picture(path: Path) -> None:

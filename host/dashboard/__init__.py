@@ -23,7 +23,7 @@ from host.trial_state import TrialState
 
 __all__ = ["Look", "View", "picture", "render"]
 
-WIDE, TALL = 110, 28
+WIDE, TALL = 100, 28
 """From this size on the drift path and the sphere have panels of their own."""
 MIN_TABLE = 3
 HELP_LINES = 18
@@ -68,7 +68,7 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
 
 
 def _wide_middle(state: TrialState, look: Look, width: int, height: int) -> Lines:
-    right = min(MAX_PLOT, max(MIN_PLOT, width * 2 // 5))
+    right = min(MAX_PLOT, max(MIN_PLOT, width * 3 // 8))
     table = cycle_table(state, look, width - right - 1, height)
     path_height = max(6, height * 2 // 5)
     sphere_height = height - path_height
