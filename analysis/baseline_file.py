@@ -86,7 +86,7 @@ def load_baseline(path: Path) -> StaticBaseline:
         raise BaselineError(f"{name} is too large for a baseline file")
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise BaselineError(f"{name} is not a baseline file: {plain(str(error), 120)}") from error
     if values.get("format") != FILE_FORMAT:
         raise BaselineError(

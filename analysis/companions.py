@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from analysis import rotations
+from analysis import averages, rotations
 from analysis.drift import RotationDrift, rotation_drift
 from analysis.series import FloatArray, OrientationSeries, SeriesError
 
@@ -34,7 +34,7 @@ def leave_one_out(steps_wxyz: FloatArray) -> FloatArray:
     (m,) rad; the first is θ̄ without the first end point, the last θ̄ without the last.
     """
     # Relative to the average of all, so that small differences between the answers are not lost in rounding.
-    mean = rotations.average(steps_wxyz)
+    mean = averages.average(steps_wxyz)
     relative = rotations.difference(steps_wxyz, mean)
     outer = relative[:, :, None] * relative[:, None, :]
     tops = np.linalg.eigh(outer.sum(axis=0) - outer)[1][:, :, -1]

@@ -3,7 +3,7 @@
 Card RAL-SI-2020-B19-0838.4-V1.0, "Scoring". With q_1 … q_n the orientations at the end points:
 
     r_i = q_{i+1} ⊗ q_i⁻¹                    step 2, :func:`step_rotations`
-    M = Σ r_i r_iᵀ,  r̄ = its top eigenvector   step 3, :func:`analysis.rotations.average`
+    M = Σ r_i r_iᵀ,  r̄ = its top eigenvector   step 3, :func:`analysis.averages.average`
     θ̄ = 2·acos(|a|), a the scalar part of r̄    step 4, :func:`rotation_drift`; computed as 2·atan2(|v|, |a|)
 
 θ̄ depends, to first order, on the first and the last end point only and hides the scatter of the steps.
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from analysis import rotations
+from analysis import averages, rotations
 from analysis.series import FloatArray, SeriesError
 
 
@@ -115,7 +115,7 @@ def rotation_drift(quats_wxyz: npt.ArrayLike, left_out: Sequence[int] = ()) -> R
         raise SeriesError(f"there are {len(steps)} steps, from 0; {without} cannot be left out")
     if len(without) == len(steps):
         raise SeriesError("every step is left out: no drift remains")
-    mean, share = rotations.average_and_share(np.delete(steps, without, axis=0) if without else steps)
+    mean, share = averages.average_and_share(np.delete(steps, without, axis=0) if without else steps)
     length = float(np.linalg.norm(mean[1:]))
     return RotationDrift(
         n_endpoints=len(steps) + 1,

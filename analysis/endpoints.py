@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis import rotations
+from analysis import averages, rotations
 from analysis.angular_velocity import BoolArray, usable_rows
 from analysis.cycle_analysis import CycleSettings, Endpoint, LeftOut
 from analysis.cycle_likeness import sample_noise_rad
@@ -76,7 +76,7 @@ class Samples:
         reach = np.maximum(reach_s, np.where(np.isfinite(fourth), fourth, furthest))
         first = np.searchsorted(times_s, moments_s - reach)
         last = np.maximum(np.searchsorted(times_s, moments_s + reach), first + 1)
-        averages = np.empty((len(moments_s), 4))
+        found = np.empty((len(moments_s), 4))
         # Groups of alike size together: one between lost samples must not make all others as long.
         order = np.argsort(last - first, kind="stable")
         at = 0
@@ -89,8 +89,8 @@ class Samples:
             right, left = np.minimum(rows + 1, n - 1), np.maximum(rows - 1, 0)
             own = (times_s[right] - times_s[left]) / (right - left)
             weights = np.maximum(1.0 - np.abs(times_s[rows] - moments_s[group, None]) / reach[group, None], 0.0)
-            averages[group] = rotations.average_each(self.quats_wxyz[rows], np.where(inside, weights * own, 0.0))
-        return averages
+            found[group] = averages.average_each(self.quats_wxyz[rows], np.where(inside, weights * own, 0.0))
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis import rotations
+from analysis import averages
 from analysis.cycle_analysis import CycleSettings, Endpoint
 from analysis.online_angle import BIN_S, AnglePoint
 from analysis.series import FloatArray
@@ -70,7 +70,7 @@ def place_endpoint(
     endpoint = Endpoint(
         time_s=time_s,
         index=points[int(np.argmin(distance_s))].index,
-        quat_wxyz=rotations.average([points[row].quat_wxyz for row in rows.tolist()], 1.0 - distance_s[rows] / reach_s),
+        quat_wxyz=averages.average([points[row].quat_wxyz for row in rows.tolist()], 1.0 - distance_s[rows] / reach_s),
         dwell_s=to_s - from_s,
         prominence_deg=math.degrees(travel),
         flags=("gap nearby",) if gap_s > max(settings.max_gap * period_s, 3.0 * BIN_S) else (),

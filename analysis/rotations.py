@@ -5,8 +5,8 @@ An orientation maps body to world: v_W = q v_B q*. q and −q are the same rotat
 :func:`from_xyzw`, the border to scipy and to file formats. Long arrays are worked through in blocks that stay in the
 cache, which is where the speed comes from.
 
-Sources: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv:1711.02508 (Hamilton convention,
-exp, log); F. L. Markley et al., "Averaging quaternions", J. Guid. Control Dyn. 30(4), 2007 (:func:`average`).
+Source: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv:1711.02508 (Hamilton convention, exp,
+log). Averages are in :mod:`analysis.averages`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ IDENTITY: FloatArray = np.array([1.0, 0.0, 0.0, 0.0])
 IDENTITY.flags.writeable = False
 
 
-def _quats(q: npt.ArrayLike) -> FloatArray:
+def checked_quats(q: npt.ArrayLike) -> FloatArray:
+    """Return quaternions as float64 (..., 4); raises ValueError for another last axis."""
     array = np.asarray(q, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != 4:
         raise ValueError(f"quaternions need a last axis of 4, got shape {array.shape}")
@@ -65,7 +66,7 @@ def multiply(p: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
     -------
     (..., 4) product; unit where both are.
     """
-    left, right = _quats(p), _quats(q)
+    left, right = checked_quats(p), checked_quats(q)
     shape = np.broadcast_shapes(left.shape, right.shape)
     # q = (w + x i) + (y + z i) j, so four complex products do the work of sixteen real ones.
     a, b = _complex_pair(_flat(left, shape))
@@ -95,7 +96,7 @@ def conjugate(q: npt.ArrayLike) -> FloatArray:
     -------
     (..., 4)
     """
-    quats = _quats(q)
+    quats = checked_quats(q)
     if quats.size < 4 * _BLOCK or not quats.flags.c_contiguous:
         out = np.negative(quats)
         out[..., 0] = quats[..., 0]
@@ -137,7 +138,7 @@ def angle(q: npt.ArrayLike) -> FloatArray:
     -------
     (...) rad.
     """
-    quats = _quats(q)
+    quats = checked_quats(q)
     rows = quats.reshape(-1, 4)
     out = np.empty(len(rows))
     scratch = np.empty(min(len(rows), _COLUMN_BLOCK))
@@ -180,7 +181,7 @@ def log(q: npt.ArrayLike) -> FloatArray:
     -------
     (..., 3) rad, length in [0, π].
     """
-    quats = _quats(q)
+    quats = checked_quats(q)
     rows = np.ascontiguousarray(quats).reshape(-1, 4)
     out = np.empty((len(rows), 3))
     for part in _blocks(len(rows)):
@@ -239,7 +240,7 @@ def rotate(q: npt.ArrayLike, vector: npt.ArrayLike) -> FloatArray:
     -------
     (..., 3) in the unit of ``vector``.
     """
-    quats, vectors = _quats(q), _vectors(vector)
+    quats, vectors = checked_quats(q), _vectors(vector)
     w, v = quats[..., :1], quats[..., 1:]
     twice = 2.0 * np.cross(v, vectors)
     return np.asarray(vectors + w * twice + np.cross(v, twice), dtype=np.float64)
@@ -257,95 +258,12 @@ def continuous_signs(quats_wxyz: npt.ArrayLike) -> FloatArray:
     -------
     (n, 4) the same rotations; the first row is unchanged.
     """
-    quats = _quats(quats_wxyz)
+    quats = checked_quats(quats_wxyz)
     if len(quats) < 2:
         return quats.copy()
     flips = np.einsum("ij,ij->i", quats[1:], quats[:-1]) < 0.0
     odd = np.concatenate(([False], np.logical_xor.accumulate(flips)))
     return np.where(odd[:, None], -quats, quats)
-
-
-def average(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> FloatArray:
-    """Eigenvector of M = Σ wᵢ qᵢ qᵢᵀ with the largest eigenvalue; card step 3.
-
-    Parameters
-    ----------
-    quats_wxyz
-        (n, 4) unit, n ≥ 1; signs do not matter.
-    weights
-        (n,) ≥ 0, default all 1.
-
-    Returns
-    -------
-    (4,) unit, scalar part ≥ 0.
-
-    Raises
-    ------
-    ValueError
-        No quaternions.
-    """
-    return average_and_share(quats_wxyz, weights)[0]
-
-
-def average_and_share(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> tuple[FloatArray, float]:
-    """:func:`average`, and the largest eigenvalue as a share of the sum of all four.
-
-    The share is 1 when all rotations agree and falls as they scatter; it is the mean cos² of half the angles to the
-    average, so 0.98 is a scatter of 16 degrees.
-
-    Parameters
-    ----------
-    quats_wxyz
-        (n, 4) unit, n ≥ 1; signs do not matter.
-    weights
-        (n,) ≥ 0, default all 1.
-
-    Returns
-    -------
-    average
-        (4,) unit, scalar part ≥ 0.
-    share
-        In [0.25, 1].
-
-    Raises
-    ------
-    ValueError
-        No quaternions.
-    """
-    quats = _quats(quats_wxyz)
-    if quats.ndim != 2 or len(quats) == 0:
-        raise ValueError(f"an average needs (n, 4) quaternions with n >= 1, got shape {quats.shape}")
-    # Averaged relative to the first, then turned back: the eigenvector of a nearly diagonal M loses no small angles,
-    # and the result turns with the data to the last bit or two.
-    relative = multiply(quats, conjugate(quats[0]))
-    weighted = relative if weights is None else relative * np.asarray(weights, dtype=np.float64)[:, None]
-    values, vectors = np.linalg.eigh(relative.T @ weighted)
-    mean = multiply(vectors[:, -1], quats[0])
-    mean /= np.linalg.norm(mean)
-    return (-mean if mean[0] < 0.0 else mean), float(values[-1] / values.sum())
-
-
-def average_each(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike) -> FloatArray:
-    """:func:`average` of k groups at once: what one group costs alone is mostly numpy's own cost per call.
-
-    Parameters
-    ----------
-    quats_wxyz
-        (k, m, 4) unit; groups of fewer than m are filled up with anything of weight 0, behind the first.
-    weights
-        (k, m) ≥ 0.
-
-    Returns
-    -------
-    (k, 4) unit, scalar part ≥ 0.
-    """
-    quats = _quats(quats_wxyz)
-    relative = multiply(quats, conjugate(quats[:, :1]))
-    weighted = relative * np.asarray(weights, dtype=np.float64)[:, :, None]
-    _, vectors = np.linalg.eigh(relative.transpose(0, 2, 1) @ weighted)
-    mean = multiply(vectors[:, :, -1], quats[:, 0])
-    mean /= np.linalg.norm(mean, axis=1)[:, None]
-    return np.where(mean[:, :1] < 0.0, -mean, mean)
 
 
 def slerp(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLike) -> FloatArray:
@@ -378,7 +296,7 @@ def to_matrix(q: npt.ArrayLike) -> FloatArray:
     -------
     (..., 3, 3): v_W = matrix @ v_B.
     """
-    quats = _quats(q)
+    quats = checked_quats(q)
     return np.stack([rotate(quats, axis) for axis in np.eye(3)], axis=-1)
 
 
@@ -394,7 +312,7 @@ def to_xyzw(q_wxyz: npt.ArrayLike) -> FloatArray:
     -------
     (..., 4) scalar last.
     """
-    return np.ascontiguousarray(_quats(q_wxyz)[..., [1, 2, 3, 0]])
+    return np.ascontiguousarray(checked_quats(q_wxyz)[..., [1, 2, 3, 0]])
 
 
 def from_xyzw(q_xyzw: npt.ArrayLike) -> FloatArray:
@@ -409,4 +327,4 @@ def from_xyzw(q_xyzw: npt.ArrayLike) -> FloatArray:
     -------
     (..., 4) scalar first.
     """
-    return np.ascontiguousarray(_quats(q_xyzw)[..., [3, 0, 1, 2]])
+    return np.ascontiguousarray(checked_quats(q_xyzw)[..., [3, 0, 1, 2]])

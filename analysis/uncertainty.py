@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis import rotations
+from analysis import averages, rotations
 from analysis.companions import leave_one_out
 from analysis.series import FloatArray
 
@@ -82,7 +82,7 @@ def drift_interval(steps_wxyz: FloatArray, level: float = LEVEL) -> DriftInterva
     m = len(steps_wxyz)
     if m < MIN_STEPS:
         return None
-    mean = rotations.average(steps_wxyz)
+    mean = averages.average(steps_wxyz)
     theta = float(rotations.angle(mean))
     vectors = rotations.log(steps_wxyz)
     scatter = vectors - vectors.mean(axis=0)

@@ -33,7 +33,7 @@ class KeepingScreen(QuietScreen):
 
     state = TrialState()
 
-    def update(self, state: TrialState, index: int = 0) -> None:
+    def update(self, state: TrialState, index: int = 0) -> None:  # noqa: ARG002 - one object only
         """Keep the state, as long as it is live."""
         if not state.finished:
             self.state = state

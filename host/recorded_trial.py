@@ -139,7 +139,7 @@ def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
     """
     reader = RecordingReader(path, continuation)
     actions: list[OperatorAction] = []
-    trial = assemble(_chunks(reader, actions), str(path), _node(reader.header))
+    trial = assemble(_chunks(reader, actions), path.name, _node(reader.header))
     return replace(trial, actions=tuple(actions), damage=tuple(reader.damage), header=reader.header)
 
 

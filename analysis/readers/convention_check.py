@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis import rotations
+from analysis import averages, rotations
 from analysis.series import FloatArray, OrientationSeries
 
 JUMP_DEG = 25.0
@@ -64,7 +64,7 @@ def _gravity(series: OrientationSeries) -> tuple[str, ...]:
     quats, forces = quats[sound], forces[sound]
     if len(quats) < 10:
         return ()
-    if np.degrees(rotations.distance(quats, rotations.average(quats)).max()) < MIN_TURN_FOR_GRAVITY_DEG:
+    if np.degrees(rotations.distance(quats, averages.average(quats)).max()) < MIN_TURN_FOR_GRAVITY_DEG:
         return ()  # too little turning to tell one reading from another
     as_read = _steadiness(quats, forces)
     if as_read >= GRAVITY_SHARE:

@@ -149,6 +149,7 @@ class PtyLink(ByteLink):
         """Wait for commands; while nobody is there, look for a reader every 10 ms."""
         if self._connected():
             # Not poll: its milliseconds would make every sample late by up to one.
-            select.select([self._master], [], [], max(timeout_s, 0.0))
+            with contextlib.suppress(OSError, ValueError):  # closed meanwhile, as a pulled cable
+                select.select([self._master], [], [], max(timeout_s, 0.0))
         else:  # POLLHUP is always ready: poll would return at once and make a busy loop
             time.sleep(max(min(timeout_s, _IDLE_POLL_S), 0.0))

@@ -53,7 +53,8 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
     notices = notice_lines(state, look, width)
     foot = [*status_panel(state, look, width), bottom_line(view, len(states), state.finished, state.guide is not None)]
     spare = height - len(top) - len(notices) - len(foot)
-    if spare < MIN_TABLE or (view.help_open and spare < HELP_LINES):  # a small terminal: what is wrong goes before the status
+    if spare < MIN_TABLE or (view.help_open and spare < HELP_LINES):
+        # A small terminal: what is wrong goes before the status.
         foot = foot[-1:]
         spare = height - len(top) - len(notices) - len(foot)
     middle_height = max(1, spare)
@@ -68,7 +69,7 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
 
 
 def _wide_middle(state: TrialState, look: Look, width: int, height: int) -> Lines:
-    right = min(MAX_PLOT, max(MIN_PLOT, width * 3 // 8))
+    right = min(MAX_PLOT, max(MIN_PLOT, width * 36 // 100))
     table = cycle_table(state, look, width - right - 1, height)
     path_height = max(6, height * 2 // 5)
     sphere_height = height - path_height

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from analysis import rotations
+from analysis import averages, rotations
 from analysis.euler_angles import from_euler, to_euler_zyx
 
 components = st.floats(-1.0, 1.0, allow_subnormal=False)
@@ -60,12 +60,12 @@ def test_distance_is_a_metric_that_neither_frame_changes(p, q, r):
 def test_average_ignores_signs_and_order_and_turns_with_the_data(p, seed):
     rng = np.random.default_rng(seed)
     near = rotations.multiply(rotations.exp(rng.normal(scale=0.2, size=(len(p), 3))), p[0])
-    mean, share = rotations.average_and_share(near)
+    mean, share = averages.average_and_share(near)
     assert 0.25 <= share <= 1.0 + 1e-12
     flipped = near * rng.choice([-1.0, 1.0], size=(len(p), 1))
-    assert_same(rotations.average(flipped[rng.permutation(len(p))]), mean, 1e-9)
+    assert_same(averages.average(flipped[rng.permutation(len(p))]), mean, 1e-9)
     turned = rotations.multiply(p[-1], rotations.multiply(near, p[0]))
-    assert_same(rotations.average(turned), rotations.multiply(p[-1], rotations.multiply(mean, p[0])), 1e-9)
+    assert_same(averages.average(turned), rotations.multiply(p[-1], rotations.multiply(mean, p[0])), 1e-9)
 
 
 @given(unit_quaternions(), st.integers(0, 2**16 - 1))

@@ -114,7 +114,7 @@ def test_turning_to_and_fro_is_refused(swing_deg, period_s):
     times = np.arange(4600) / 100.0
     angle = 0.5 * np.radians(swing_deg) * np.cos(2.0 * np.pi * times / period_s)
     poses = Rotation.from_rotvec(np.outer(angle, [1.0, 0.0, 0.0])) * BODY
-    with pytest.raises(BaselineError, match="move|turn"):
+    with pytest.raises(BaselineError, match=r"move|turn"):
         measure_baseline(OrientationSeries(times, poses.as_quat(scalar_first=True), np.arange(len(times))))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis import rotations
+from analysis import averages, rotations
 from analysis.drift import rotation_drift, step_rotations, translation_drift_mm
 from analysis.series import SeriesError
 
@@ -62,7 +62,7 @@ def test_differences_are_left_ones():
     np.testing.assert_allclose(rotations.log(step_rotations(quats)), [0.2 * AXIS, -0.1 * ACROSS], atol=1e-14)
     quats = chain(np.random.default_rng(14).normal(scale=0.4, size=(9, 3)))
     right = rotations.multiply(rotations.conjugate(quats[:-1]), quats[1:])
-    assert rotations.angle(rotations.average(right)) != pytest.approx(rotation_drift(quats).theta_bar_rad, rel=1e-3)
+    assert rotations.angle(averages.average(right)) != pytest.approx(rotation_drift(quats).theta_bar_rad, rel=1e-3)
 
 
 def test_theta_bar_telescopes():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis import rotations
+from analysis import averages, rotations
 from analysis.companions import drift_companions, drift_over_phase, leave_one_out, orientation_at, pose_slope
 from analysis.drift import rotation_drift
 from analysis.series import OrientationSeries, SeriesError
@@ -55,7 +55,7 @@ def test_excursion_that_comes_back():
 
 def test_leave_one_out_equals_scoring_the_rest():
     steps = rotations.exp(np.random.default_rng(1).normal(scale=0.05, size=(7, 3)))
-    expected = [rotations.angle(rotations.average(np.delete(steps, k, axis=0))) for k in range(7)]
+    expected = [rotations.angle(averages.average(np.delete(steps, k, axis=0))) for k in range(7)]
     np.testing.assert_allclose(leave_one_out(steps), expected, rtol=1e-10)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis import rotations
+from analysis import averages, rotations
 from analysis.cycle_analysis import Endpoint
 from analysis.drift import rotation_drift
 from analysis.precision import steps_needed
@@ -125,7 +125,7 @@ def test_a_left_out_step_does_not_count_but_stays():
     assert len(without.steps_deg) == 8
     assert len(without.counted_step_rotations_wxyz) == 7
     kept = np.delete(whole.step_rotations_wxyz, 4, axis=0)
-    assert without.theta_bar_rad == pytest.approx(float(rotations.angle(rotations.average(kept))))
+    assert without.theta_bar_rad == pytest.approx(float(rotations.angle(averages.average(kept))))
     assert without.theta_bar_deg == pytest.approx(0.8, abs=0.1)
     assert whole.theta_bar_deg > 1.5
     with pytest.raises(SeriesError, match="cannot be left out"):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis import rotations
+from analysis import averages, rotations
 
 N = 10_000  # more than two blocks
 
@@ -126,7 +126,7 @@ def test_average_of_symmetric_scatter_is_its_centre():
     centre = rotations.exp(np.array([0.3, 2.0, -0.4]))
     offsets = np.concatenate((np.eye(3), -np.eye(3))) * 0.2
     quats = rotations.multiply(rotations.exp(offsets), centre) * np.array([1, -1, 1, 1, -1, 1])[:, None]
-    mean, share = rotations.average_and_share(quats)
+    mean, share = averages.average_and_share(quats)
     assert_same_rotation(mean, centre)
     assert share == pytest.approx(np.cos(0.1) ** 2, abs=1e-12)
     assert mean[0] >= 0
@@ -135,17 +135,17 @@ def test_average_of_symmetric_scatter_is_its_centre():
 def test_average_equals_scipy_and_takes_weights(pair):
     p = rotations.multiply(rotations.exp(0.3 * np.random.default_rng(9).normal(size=(40, 3))), pair[0][0])
     weights = np.random.default_rng(10).uniform(size=40)
-    assert_same_rotation(rotations.average(p), rotations.from_xyzw(scipy_rotation(p).mean().as_quat()))
+    assert_same_rotation(averages.average(p), rotations.from_xyzw(scipy_rotation(p).mean().as_quat()))
     assert_same_rotation(
-        rotations.average(p, weights), rotations.from_xyzw(scipy_rotation(p).mean(weights=weights).as_quat())
+        averages.average(p, weights), rotations.from_xyzw(scipy_rotation(p).mean(weights=weights).as_quat())
     )
     with pytest.raises(ValueError, match="n >= 1"):
-        rotations.average(np.empty((0, 4)))
+        averages.average(np.empty((0, 4)))
 
 
 def test_average_keeps_tiny_angles():
     tiny = rotations.exp(np.array([[1e-9, 0, 0], [3e-9, 0, 0]]))
-    assert rotations.angle(rotations.average(tiny)) == pytest.approx(2e-9, rel=1e-6)
+    assert rotations.angle(averages.average(tiny)) == pytest.approx(2e-9, rel=1e-6)
 
 
 def test_slerp_ends_and_middle(pair):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis import rotations
+from analysis import averages, rotations
 
 
 def test_groups_filled_up_with_anything_give_their_own_averages():
@@ -12,13 +12,13 @@ def test_groups_filled_up_with_anything_give_their_own_averages():
     quats /= np.linalg.norm(quats, axis=2)[:, :, None]
     quats *= rng.choice([-1.0, 1.0], (50, 8, 1))
     weights = np.where(np.arange(8) < sizes[:, None], rng.uniform(0.1, 1.0, (50, 8)), 0.0)
-    together = rotations.average_each(quats, weights)
+    together = averages.average_each(quats, weights)
     assert together.shape == (50, 4)
     for k, size in enumerate(sizes):
-        alone = rotations.average(quats[k, :size], weights[k, :size])
+        alone = averages.average(quats[k, :size], weights[k, :size])
         assert rotations.distance(together[k], alone) < 1e-12
         assert together[k, 0] >= 0.0
 
 
 def test_no_groups():
-    assert rotations.average_each(np.empty((0, 3, 4)), np.empty((0, 3))).shape == (0, 4)
+    assert averages.average_each(np.empty((0, 3, 4)), np.empty((0, 3))).shape == (0, 4)
