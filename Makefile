@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet
 
-.PHONY: demo test lint format recordings bench bench-quick docs clean
+.PHONY: demo test lint format recordings bench bench-quick docs fuzz clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -58,6 +58,14 @@ bench-quick: $(VENV)/.run $(VENV)/.bench
 docs: $(VENV)/.dev $(VENV)/.docs
 	$(BIN)/python docs/pictures.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
+# Hostile input: mutated seeds for every target, then atheris (Linux) from the same seeds. RUNS=1000000 make fuzz
+RUNS ?= 20000
+fuzz: $(VENV)/.dev
+	-@$(PIP) --editable '.[fuzz]'
+	$(BIN)/python -m tests.fuzz --runs $(RUNS)
+	for target in stream can recording cards scenario series; do \
+	  $(BIN)/python -m tests.fuzz $$target --atheris --runs $(RUNS) || exit 1; done
 
 clean:
 	rm -rf $(VENV) build *.egg-info

@@ -286,7 +286,10 @@ class NodeDecoder:
         self, records: FrameArray, rows: npt.NDArray[np.intp]
     ) -> tuple[npt.NDArray[np.intp], OrientationBatch]:
         """Decode ORIENTATION packets in CAN FD frames."""
-        fields = records["data"][rows][:, : _WHOLE_DTYPE.itemsize].copy().view(_WHOLE_DTYPE)[:, 0]
+        data = np.zeros((len(rows), _WHOLE_DTYPE.itemsize), np.uint8)
+        given = records["data"][rows][:, : _WHOLE_DTYPE.itemsize]
+        data[:, : given.shape[1]] = given  # eight bytes where somebody sends the id in a classic frame
+        fields = data.view(_WHOLE_DTYPE)[:, 0]
         shaped = (fields["size"] >= _WHOLE_DTYPE.itemsize - 1) & (fields["type"] == PacketType.ORIENTATION)
         quats, good = quats_from_q15(fields["q"])
         good &= shaped

@@ -181,7 +181,7 @@ def parse_cards(text: str, name: str = "the card") -> Cards:
         values = tomllib.loads(text)
         values.pop("$schema", None)
         cards = msgspec.convert(_cleaned(values), type=Cards)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise FileError(f"{name} is not TOML ({plain(error)})", "see docs/cards.md for an example") from error
     except msgspec.ValidationError as error:
         raise FileError(f"{name}: {_sentence(error)}", "see docs/cards.md for every field") from error

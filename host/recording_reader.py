@@ -35,7 +35,7 @@ READ_BLOCK_BYTES = 2**20
 HEADER_BLOCK_BYTES = 16 * 2**10
 _FRAME = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
-_PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, KeyError)
+_PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, KeyError, RecursionError)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,149 @@
+"""What is thrown hostile bytes: each target takes bytes, and may raise nothing.
+
+A target knows which exceptions are answers (one sentence for a person), checks what must hold whatever came in, and
+lets everything else through: that is a find.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from analysis.readers import read_series
+from analysis.series import AnalysisError
+from emulator import ScenarioError
+from emulator.scenario import load_scenario
+from firmware_protocol.can_decoder import CanStreamDecoder
+from firmware_protocol.can_frames import CanFrame, FrameFlag, pack_frames
+from firmware_protocol.packets import OrientationBatch
+from firmware_protocol.serial_framing import MAX_PIECE_BYTES
+from firmware_protocol.stream import StreamDecoder
+from host.cards import load_cards
+from host.errors import FileError, HostError
+from host.loss_ledger import LossReport
+from host.operator_actions import edits_of
+from host.recorded_trial import load_trial
+from host.recording_reader import RecordingReader
+from host.recovery import recover
+from host.samples import SampleAssembler
+
+_FOLDER = Path(tempfile.mkdtemp(prefix="rotdrift-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
+_MAX_CHUNK = 4096
+
+
+def one_sentence(error: Exception) -> None:
+    """Demand of an answer that it is short, printable text on one line: no escapes reach the terminal."""
+    text = str(error)
+    assert text.isprintable(), text
+    assert len(text) < 1000, text
+
+
+def check_ledger(report: LossReport) -> None:
+    """Demand that every sample is accounted for."""
+    assert report.produced == report.received + report.lost + report.rejected + report.dropped
+    parts = (report.received, report.lost, report.rejected, report.dropped, report.duplicates, report.reordered)
+    assert min(parts) >= 0, report
+
+
+def stream(data: bytes) -> None:
+    """Bytes of a serial link, cut as their first byte says, down to samples and the account of them."""
+    decoder, assembler = StreamDecoder(), SampleAssembler()
+    cut = 1 + data[0] if data else 1
+    whole = StreamDecoder()
+    n_whole = sum(len(item) for item in whole.feed(data) if isinstance(item, OrientationBatch))
+    n = 0
+    for number, at in enumerate(range(0, len(data), cut)):
+        items = decoder.feed(data[at : at + cut])
+        n += sum(len(item) for item in items if isinstance(item, OrientationBatch))
+        for block in assembler.feed(items, number * 10_000_000):
+            assert np.isfinite(block.time_s).all()
+            assert np.abs(np.linalg.norm(block.quats_wxyz, axis=1) - 1).max() < 1e-9
+    assert n == n_whole
+    counters = decoder.counters
+    assert counters == whole.counters
+    assert counters.bytes == len(data)
+    assert counters.bytes == (
+        counters.delimiters + counters.frame_bytes + counters.skipped_bytes + counters.pending_bytes
+    )
+    assert counters.pending_bytes <= MAX_PIECE_BYTES
+    check_ledger(assembler.losses(counters.malformed + counters.crc_errors))
+
+
+def can(data: bytes) -> None:
+    """Bytes as a frame batch of a recording, and as frames: id and length from the bytes, any content."""
+    CanStreamDecoder().feed(data)
+    frames = []
+    at = 0
+    while at + 3 <= len(data) and len(frames) < 300:
+        head = int.from_bytes(data[at : at + 2], "little")
+        length = data[at + 2] % 9
+        flags = FrameFlag(0) if head < 0xF000 else FrameFlag(data[at + 2] & 0x3F & ~FrameFlag.FD)
+        frames.append(CanFrame(head & 0x7FF, data[at + 3 : at + 3 + length], flags, host_time_ns=1000 * at))
+        at += 3 + length
+    if not frames:
+        return
+    decoder, assembler = CanStreamDecoder(answers=True), SampleAssembler()
+    for start in range(0, len(frames), 7):
+        items = decoder.feed(pack_frames(frames[start : start + 7]))
+        assembler.feed(items, 10_000_000 * start)
+    assembler.feed(decoder.flush(), 10_000_000 * len(frames))
+    assert len(decoder.take_outgoing()) <= len(frames)
+    check_ledger(assembler.losses())
+
+
+def recording(data: bytes) -> None:
+    """A file that should be a recording: read, loaded, recovered."""
+    path, target = _FOLDER / f"{os.getpid()}.mcap", _FOLDER / f"{os.getpid()}-clean.mcap"
+    path.write_bytes(data)
+    try:
+        reader = RecordingReader(path)
+        known = list(reader.chunks())
+        edits_of(load_trial(path).actions)
+    except (HostError, AnalysisError) as error:
+        one_sentence(error)
+        known = []
+    target.unlink(missing_ok=True)
+    try:
+        found = recover(path, target)
+    except FileError as error:
+        one_sentence(error)
+    else:
+        clean = RecordingReader(target)
+        recovered = list(clean.chunks())
+        assert clean.damage == []
+        assert len(recovered) == found.chunks >= len(known) - 1
+
+
+def _answered(load: Callable[[Path], object], suffix: str, *errors: type[Exception]) -> Callable[[bytes], None]:
+    def run(data: bytes) -> None:
+        path = _FOLDER / f"{os.getpid()}{suffix}"
+        path.write_bytes(data)
+        try:
+            load(path)
+        except errors as error:
+            one_sentence(error)
+
+    return run
+
+
+def _load_scenario(path: Path) -> object:
+    return load_scenario(str(path))
+
+
+cards = _answered(load_cards, ".toml", HostError)
+scenario = _answered(_load_scenario, ".toml", ScenarioError)
+series = _answered(read_series, ".csv", AnalysisError)
+
+TARGETS: dict[str, Callable[[bytes], None]] = {
+    "stream": stream,
+    "can": can,
+    "recording": recording,
+    "cards": cards,
+    "scenario": scenario,
+    "series": series,
+}
+"""Name -> what takes the bytes."""
