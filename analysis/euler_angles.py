@@ -11,6 +11,7 @@ import numpy.typing as npt
 from analysis.rotations import IDENTITY, FloatArray, multiply
 
 _AXES = {"x": 1, "y": 2, "z": 3}
+_POLE = 1e-8  # cosine of an elevation too near to ±π/2 for azimuth and roll to be told apart
 
 
 def from_euler(angles_rad: npt.ArrayLike, order: str, *, intrinsic: bool) -> FloatArray:
@@ -58,10 +59,15 @@ def to_euler_zyx(q: npt.ArrayLike) -> FloatArray:
 
     Returns
     -------
-    (..., 3) rad; azimuth and roll in (−π, π], elevation in [−π/2, π/2]. At ±π/2 only azimuth ∓ roll is defined.
+    (..., 3) rad; azimuth and roll in (−π, π], elevation in [−π/2, π/2]. At ±π/2, where
+    only azimuth ∓ roll is defined, roll is 0.
     """
     w, x, y, z = np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0)
-    azimuth = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    elevation = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    across, along = 2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)
+    cosine, sine = np.hypot(across, along), 2.0 * (w * y - z * x)
+    pole = cosine < _POLE  # nothing but rounding is left of across and along
+    azimuth = np.where(pole, -np.sign(sine) * 2.0 * np.arctan2(x, w), np.arctan2(across, along))
+    azimuth = np.arctan2(np.sin(azimuth), np.cos(azimuth))
+    elevation = np.arctan2(sine, cosine)
+    roll = np.where(pole, 0.0, np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)))
     return np.stack((azimuth, elevation, roll), axis=-1)
