@@ -1,0 +1,109 @@
+"""Long and loaded, shortened: flat memory, nothing lost, and nothing left behind when it ends."""
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from benchmarks.soak import soak
+from host.virtual_object_process import VirtualObjectProcess
+from tests.command_line import quick_scenario, started, wait_for_line
+
+LINUX = sys.platform.startswith("linux")
+
+
+@pytest.mark.skipif(not LINUX, reason="reads /proc")
+def test_six_minutes_in_virtual_time_lose_nothing_and_grow_by_nothing(tmp_path):
+    threads = threading.active_count()
+    result = soak(360.0, 200, warm_up_s=120.0, folder=tmp_path)
+    assert result.missing == 0
+    assert result.samples == result.produced > 70_000
+    assert result.cycles == pytest.approx(89, abs=2)
+    assert result.growth_mb <= 8  # what a minute more of cycles takes, and the noise of the allocator
+    assert result.warnings == ()
+    assert threading.active_count() == threads
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs ptys and POSIX signals")
+def test_ctrl_c_stops_recording_within_half_a_second_and_leaves_nothing(tmp_path):
+    recording = tmp_path / "trial.mcap"
+    with (
+        VirtualObjectProcess(quick_scenario(tmp_path)) as virtual,
+        started("capture", virtual.link, "--out", recording, "--json") as capture,
+    ):
+        for line in capture.stderr:
+            if "cycle   4" in line:
+                break
+        children_before = children(capture.pid)
+        asked = time.monotonic()
+        capture.send_signal(signal.SIGINT)
+        # The recording is finished when its footer is written; scoring comes after that.
+        while not (recording.read_bytes().endswith(b"\x89MCAP0\r\n") and recording.stat().st_size > 1000):
+            assert time.monotonic() - asked < 5
+            time.sleep(0.005)
+        stopped_s = time.monotonic() - asked
+        stdout, stderr = capture.communicate(timeout=30)
+    assert capture.returncode == 0, stderr
+    assert stopped_s < 0.5
+    assert json.loads(stdout)["capture"]["ended"] == "stopped by the operator"
+    assert not [pid for pid in children_before if Path(f"/proc/{pid}").exists()] or not LINUX
+    if LINUX:  # nobody holds the port any more
+        assert not holders(virtual.link.removeprefix("serial:"))
+
+
+def children(pid):
+    """Processes that a process has started."""
+    path = Path(f"/proc/{pid}/task/{pid}/children")
+    return path.read_text().split() if path.exists() else []
+
+
+def holders(device):
+    """Processes that have a device open."""
+    from host.transports.port_owner import port_owners
+
+    return port_owners(device)
+
+
+@pytest.mark.skipif(not LINUX, reason="reads /proc")
+def test_captures_in_one_process_leave_no_thread_and_no_descriptor(tmp_path):
+    from host.capture import CaptureSettings
+    from host.capture_run import run_capture
+    from host.screen import QuietScreen
+
+    def descriptors():
+        links = [link for link in Path("/proc/self/fd").iterdir() if os.path.lexists(link)]
+        return sorted(str(link.readlink()) for link in links)
+
+    scenario = quick_scenario(tmp_path)
+    counts = []
+    for number in range(3):
+        with VirtualObjectProcess(scenario) as virtual:
+            finished = run_capture(
+                virtual.link,
+                tmp_path / f"{number}.mcap",
+                CaptureSettings(duration_s=0.8, debug_link=tmp_path / f"{number}.txt"),
+                QuietScreen(),
+                threading.Event(),
+            )
+        assert finished.outcome.reason == "0.8 s are over"
+        names = sorted(thread.name for thread in threading.enumerate() if thread.name != "rotdrift-imports")
+        counts.append((names, [name for name in descriptors() if str(tmp_path) in name or "pts" in name]))
+    assert counts[0] == counts[1] == counts[2]
+    assert counts[0][1] == []
+
+
+def test_the_virtual_object_stops_at_once_and_takes_its_device_with_it(tmp_path):
+    if sys.platform == "win32":
+        pytest.skip("needs ptys")
+    with started("emulate", "--scenario", "static", "--link", f"pty:{tmp_path / 'object'}") as process:
+        wait_for_line(process, "ready: ")
+        asked = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(5) == 0
+        assert time.monotonic() - asked < 1.0
+    assert not os.path.lexists(tmp_path / "object")
