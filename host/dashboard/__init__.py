@@ -75,13 +75,13 @@ def _wide_middle(state: TrialState, look: Look, width: int, height: int) -> Line
     sphere_height = height - path_height
     path = framed(
         path_plot(state, look, right - 4, path_height - 2),
-        "rotation since the first end point",
+        "rotation since the start",
         right,
         path_height,
         look,
     )
     if sphere_height < 6:
-        path = framed(path_plot(state, look, right - 4, height - 2), "drift path", right, height, look)
+        path = framed(path_plot(state, look, right - 4, height - 2), "rotation since the start", right, height, look)
         sphere: Lines = []
     else:
         sphere = framed(
