@@ -12,6 +12,10 @@ import pytest
 
 from emulator.links.memory_link import MemoryLink
 from emulator.virtual_object import VirtualObject
+from firmware_protocol.codec import encode_packet
+from firmware_protocol.packets import Ack, AckCode, GetInfo, Info
+from firmware_protocol.serial_framing import encode_frame
+from firmware_protocol.stream import StreamDecoder
 from host import capture_run
 from host.capture import Capture, CaptureSettings
 from host.errors import FileError, LinkError, LinkLostError, NoAnswerError, WrongObjectError
@@ -234,3 +238,20 @@ def test_names_made_up_from_the_date_do_not_collide(tmp_path):
     assert second.name == "2026-03-04_05-06-07-089_2.mcap"
     second.with_suffix(".json").touch()
     assert capture_run.default_recording(now, tmp_path).name == "2026-03-04_05-06-07-089_3.mcap"
+
+
+def test_an_object_that_answers_but_never_sends_a_sample_ends_it_with_a_reason(tmp_path):
+    link = MemoryTransport(on_write=lambda data: answer(link, data))
+    settings = CaptureSettings(silence_limit_s=0.4)
+    outcome = Bench(tmp_path, settings, link=link).run()
+    assert outcome.reason == "the object fell silent"
+    assert "nothing came at all" in str(outcome.error)
+
+
+def answer(link, data):
+    """An object that says yes to everything and does nothing."""
+    for command in StreamDecoder().feed(data):
+        reply = encode_frame(encode_packet(Ack(command.packet_type, command.command_id, AckCode.OK)))
+        if isinstance(command, GetInfo):
+            reply += encode_frame(encode_packet(Info(device_id=1, boot_id=2, name="idle")))
+        link.deliver(reply)
