@@ -165,7 +165,8 @@ class Capture:
     def _until_end(self) -> str:
         while True:
             self._turn()
-            now_ns = self._now_ns()
+            # A recording that is captured again has its own time, of another day perhaps.
+            now_ns = self._last_chunk_ns if self._session is None else self._now_ns()
             self._tell(now_ns)
             reason = self._end_reason(now_ns)
             if reason is not None:

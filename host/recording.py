@@ -1,6 +1,7 @@
 """Writing a recording: raw first, unchunked, flushed, never over an existing file.
 
-Unchunked and flushed every :data:`FLUSH_PERIOD_NS`, a killed capture loses at most what came since the last flush; the
+Unchunked and flushed every :data:`FLUSH_PERIOD_NS`, a killed capture loses at most what came since the last flush, and
+a machine without power at most what came since the last sync, a second and what the disk takes for it; the
 library's default chunks would lose everything since the last megabyte, and its seeking reader does not open a cut file.
 """
 
@@ -168,6 +169,7 @@ class RecordingWriter:
         if now_ns - self._flushed_ns >= FLUSH_PERIOD_NS:
             self._flushed_ns = now_ns
             self._sink.flush_pending(now_ns)
+            self._sink.sync_if_due(now_ns)
 
     def close(self, report: Callable[[str], None] | None = None) -> None:
         """Finish the file: statistics, index, footer; restore it when it was deleted meanwhile.

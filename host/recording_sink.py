@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+import threading
 from pathlib import Path
 
 from host.errors import FileError
@@ -11,6 +13,10 @@ from host.errors import FileError
 MAX_KEPT_BYTES = 256 * 2**20
 """Bytes kept in memory while the disk takes none: five hours at 200 Hz. Beyond it, what is lost is said."""
 RETRY_NS = 1_000_000_000
+SYNC_NS = 1_000_000_000
+"""How often the system is told to bring to the disk what it holds: what a power cut may cost."""
+SYNC_WAIT_S = 0.2
+"""How long closing waits for a disk that is still at it."""
 
 
 class RecordingSink:
@@ -43,6 +49,10 @@ class RecordingSink:
         self._pending = bytearray()
         self._position = 0
         self._retry_at_ns = 0
+        self._sync_at_ns = 0
+        self._syncing: threading.Thread | None = None
+        self.bytes_synced = 0
+        """Bytes known to be on the disk itself."""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
@@ -111,6 +121,31 @@ class RecordingSink:
         self.problem = None
         return True
 
+    def sync_if_due(self, now_ns: int) -> None:
+        """Bring to the disk what was handed to the system, once a second and beside the capture: a disk may take long.
+
+        Parameters
+        ----------
+        now_ns : int
+            Monotonic time.
+        """
+        busy = self._syncing is not None and self._syncing.is_alive()
+        if now_ns < self._sync_at_ns or busy or self.closed or self.bytes_synced == self._position:
+            return
+        self._sync_at_ns = now_ns + SYNC_NS
+        # A descriptor of its own: closing the file meanwhile must not let it sync another.
+        arguments = (os.dup(self._descriptor), self._position)
+        self._syncing = threading.Thread(target=self._sync, args=arguments, name="rotdrift-sync", daemon=True)
+        self._syncing.start()
+
+    def _sync(self, descriptor: int, position: int) -> None:
+        try:
+            with contextlib.suppress(OSError):  # pipes and some network disks cannot
+                getattr(os, "fdatasync", os.fsync)(descriptor)
+                self.bytes_synced = position
+        finally:
+            os.close(descriptor)
+
     def removed(self) -> bool:
         """Whether the file was deleted or replaced under us; what is written then is in nobody's folder."""
         try:
@@ -139,6 +174,8 @@ class RecordingSink:
         if self.closed:
             return
         self.flush_pending()
+        if self._syncing is not None:
+            self._syncing.join(SYNC_WAIT_S)
         os.close(self._descriptor)
         self.closed = True
 

@@ -208,6 +208,15 @@ def test_a_recording_can_be_captured_again_and_scores_the_same(tmp_path, replaye
     assert written["capture"]["recording"] == str(again)
 
 
+@pytest.mark.parametrize("since_ns", [-(10**15), 10**15])
+def test_a_recording_of_any_day_can_be_captured_again(tmp_path, since_ns):
+    chunks, _ = virtual_chunks(scenario("ideal"), duration_s=3.0)
+    chunks = [Chunk(chunk.data, time.monotonic_ns() + since_ns + chunk.host_time_ns % 10**10) for chunk in chunks]
+    outcome = Bench(tmp_path, CaptureSettings(duration_s=2.0), link=MemoryTransport(chunks, ends=True)).run()
+    assert outcome.reason in {"2 s are over", "the recording is over"}
+    assert outcome.error is None
+
+
 def test_neither_recording_nor_result_is_ever_written_over(tmp_path, replayed):
     (tmp_path / "taken.json").write_text("mine")
     (tmp_path / "other.mcap").write_text("mine")

@@ -5,6 +5,7 @@ import json
 import os
 import sys
 import threading
+import time
 
 import mcap.reader
 import mcap.stream_reader
@@ -19,6 +20,7 @@ from host import recording_format as fmt
 from host.errors import FileError
 from host.recording import RecordingWriter
 from host.recording_reader import RecordingReader, is_our_recording
+from host.recording_sink import RecordingSink
 from host.ros_message import RosField, RosMessageType
 from host.transports import open_transport
 from host.transports.chunks import Chunk, FrameChunk, LinkEnd
@@ -391,3 +393,49 @@ def test_a_paced_replay_waits_as_long_as_it_took(recording):
         if chunk is not None:
             got.append(now[0])
     assert got == pytest.approx([i * 2_000_000 for i in range(20)], abs=2000)
+
+
+def test_what_was_flushed_is_brought_to_the_disk_every_second_beside_the_capture(tmp_path, monkeypatch):
+    let_go, synced = threading.Event(), []
+
+    def slow_disk(descriptor):
+        assert let_go.wait(10)
+        synced.append(os.fstat(descriptor).st_size)
+
+    monkeypatch.setattr(os, "fdatasync", slow_disk, raising=False)
+    sink = RecordingSink(tmp_path / "a.bin")
+    sink.write(b"x" * 1000)
+    sink.flush()
+    sink.sync_if_due(10**9)
+    sink.write(b"y" * 500)
+    sink.flush()
+    sink.sync_if_due(5 * 10**9)  # the disk is still at the first: nobody waits, nobody queues
+    assert sink.bytes_synced == 0
+    let_go.set()
+    wait_until(lambda: sink.bytes_synced == 1000)
+    sink.sync_if_due(6 * 10**9)
+    wait_until(lambda: sink.bytes_synced == 1500)
+    sink.sync_if_due(8 * 10**9)  # nothing new
+    sink.close()
+    assert len(synced) == 2
+    assert not [thread for thread in threading.enumerate() if thread.name == "rotdrift-sync"]
+
+
+def test_a_disk_that_hangs_does_not_hold_up_the_end(tmp_path, monkeypatch):
+    let_go = threading.Event()
+    monkeypatch.setattr(os, "fdatasync", lambda _descriptor: let_go.wait(10), raising=False)
+    sink = RecordingSink(tmp_path / "a.bin")
+    sink.write(b"x")
+    sink.flush()
+    sink.sync_if_due(10**9)
+    started = time.monotonic()
+    sink.close()
+    assert time.monotonic() - started < 1.0
+    let_go.set()
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
