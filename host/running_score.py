@@ -35,6 +35,7 @@ class RunningScore:
         self._target_deg = target_half_width_deg
         self._rows: deque[CycleRow] = deque(maxlen=MAX_ROWS)
         self._times_s: list[float] = []
+        self._dwells_s: list[float] = []
         self._quats: list[npt.NDArray[np.float64]] = []
         self._left_out: dict[int, str] = {}
         self.window: WindowView | None = None
@@ -77,6 +78,7 @@ class RunningScore:
             period_s = time_s - self._times_s[-1]
         self._quats.append(quat)
         self._times_s.append(time_s)
+        self._dwells_s.append(float(endpoint.dwell_s))
         self._score(always=False)
         row = CycleRow(
             number=number,
@@ -94,7 +96,7 @@ class RunningScore:
 
     def forget(self) -> None:
         """Begin again: what looked like cycles was a part of one, or movement before the first."""
-        for kept in (self._rows, self._quats, self._times_s, self._left_out):
+        for kept in (self._rows, self._quats, self._times_s, self._dwells_s, self._left_out):
             kept.clear()
         self.theta_bar_deg = self.interval = None
 
@@ -129,8 +131,11 @@ class RunningScore:
         window = self.window
         if window is None:
             return True
-        time_s = self._times_s[k]
-        return (window.from_s is None or time_s >= window.from_s) and (window.to_s is None or time_s <= window.to_s)
+        # As the offline search has it: an end point whose dwell touches the window is inside.
+        time_s, half_s = self._times_s[k], 0.5 * self._dwells_s[k]
+        return (window.from_s is None or time_s >= window.from_s - half_s) and (
+            window.to_s is None or time_s <= window.to_s + half_s
+        )
 
     def _step_inside(self, number: int) -> bool:
         return self._inside(number - 1) and self._inside(number)

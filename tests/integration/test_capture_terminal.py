@@ -92,7 +92,8 @@ def test_every_key_does_its_work_is_recorded_and_scoring_honours_it(tmp_path, vi
     assert [item["text"] for item in result["operator"] if item["kind"] == "note"] == ["the hand squeaks"]
     assert [item["reason"] for item in result["excluded_cycles"]] == ["slipped"]
     assert result["window"]["source"] == "the operator, during the capture"
-    assert result["endpoints"][0]["time_s"] >= result["window"]["from_s"] > 0
+    first = result["endpoints"][0]
+    assert first["time_s"] + 0.5 * first["dwell_s"] >= result["window"]["from_s"] > 0  # its dwell touches the window
     assert cycle > 2
     assert any(event["kind"] == "MARKER" for event in result["events"])  # the object was told as well
     again = json.loads(rotdrift("score", recording, "--json").stdout)
