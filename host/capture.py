@@ -128,6 +128,7 @@ class Capture:
         self._told: set[str] = set()
         self._first_sample_ns: int | None = None
         self._last_sample_ns = self._last_chunk_ns = now_ns()
+        self._silent_since_ns = self._last_sample_ns
         self._reached_ns: int | None = None
         self._told_ns = 0
         self._disk_ns = 0
@@ -137,6 +138,11 @@ class Capture:
         self._alarms = AlarmWatch()
         self._guide = None if settings.guide is None else Guide(settings.guide)
         self._state = TrialState()
+
+    @property
+    def _connected(self) -> bool:
+        """Whether the link is there; one that cannot be lost and come back always is."""
+        return bool(getattr(self._transport, "connected", True))
 
     def run(self) -> CaptureOutcome:
         """Capture until the end; closes link and recording whatever happens."""
@@ -148,6 +154,7 @@ class Capture:
             self._reader.stop()
             for chunk in self._reader.take(0):
                 self._take(chunk)
+            self._record(self._trial.finish(), self._last_chunk_ns)
             self._error = self._error or self._reader.error
             self._recording.close(self._warn)
         elapsed_ns = 0 if self._first_sample_ns is None else self._last_sample_ns - self._first_sample_ns
@@ -180,7 +187,7 @@ class Capture:
             self._desk.take(action)
             self._told_ns = 0  # whoever pressed a key wants to see what it did
         now_ns = self._now_ns()
-        if self._session is not None:
+        if self._session is not None and self._connected:  # nobody hears while the link is away
             for data in self._session.due(now_ns):
                 self._send(data)
         self._recording.flush_if_due(now_ns)
@@ -197,6 +204,7 @@ class Capture:
         self._recording.add_received(chunk)
         if not chunk.data:
             self._reopened(chunk.host_time_ns)
+            self._silent_since_ns = chunk.host_time_ns
         self._last_chunk_ns = chunk.host_time_ns
         update = self._trial.feed(chunk)
         if self._session is not None:
@@ -204,7 +212,7 @@ class Capture:
             self._trial.feed_round_trips(self._session.take_round_trips())
         self._record(update, chunk.host_time_ns)
         if update.decoded:
-            self._last_sample_ns = chunk.host_time_ns
+            self._last_sample_ns = self._silent_since_ns = chunk.host_time_ns
             if self._first_sample_ns is None:
                 self._first_sample_ns = chunk.host_time_ns
 
@@ -257,7 +265,7 @@ class Capture:
         session = self._session
         link = LinkView(
             name=self._transport.name,
-            connected=not self._reader.ended and getattr(self._transport, "connected", True),
+            connected=not self._reader.ended and self._connected,
             one_way=session is not None and session.one_way,
             expected_rate_hz=None if session is None else session.expected_rate_hz,
             overflow_chunks=self._reader.overflow_chunks,
@@ -317,7 +325,9 @@ class Capture:
         over_ns = None if settings.duration_s is None else settings.duration_s * 1e9
         if self._first_sample_ns is not None and over_ns is not None and now_ns - self._first_sample_ns >= over_ns:
             return f"{settings.duration_s:g} s are over"
-        if now_ns - self._last_sample_ns >= settings.silence_limit_s * 1e9:
+        # A recording ends by itself, whatever pauses it has; a link that is away has its own limit.
+        waits = self._session is not None and self._connected
+        if waits and now_ns - self._silent_since_ns >= settings.silence_limit_s * 1e9:
             before = "what came before is recorded" if self._first_sample_ns is not None else "nothing came at all"
             self._error = LinkError(
                 f"the object has sent no samples for {settings.silence_limit_s:.0f} s",
@@ -328,8 +338,8 @@ class Capture:
 
     def _say_goodbye(self) -> None:
         """Stop the object, and take what it still has to say."""
-        if self._session is None or self._reader.ended:
+        if self._session is None:
             return
         self._session.stop()
-        while self._session.phase is not Phase.STOPPED and not self._reader.ended:
+        while self._session.phase is not Phase.STOPPED and not self._reader.ended and self._connected:
             self._turn()

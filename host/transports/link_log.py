@@ -53,6 +53,7 @@ class LinkLog(ClosingTransport):
         self._start_ns = now_ns()
         self._lock = threading.Lock()  # reads and writes come from two threads
         self._problem: str | None = None
+        self._was_connected = True
         self.name = inner.name
         self.is_live = inner.is_live
         try:
@@ -96,6 +97,9 @@ class LinkLog(ClosingTransport):
         except LinkEnd:
             self._note("!", self._now_ns(), "the end")
             raise
+        if self._was_connected and not self.connected:
+            self._note("!", self._now_ns(), "the link is lost")
+        self._was_connected = self.connected
         if isinstance(chunk, FrameChunk):
             for frame in chunk.frames:
                 text = f"{frame.arbitration_id:03x}#{frame.data.hex(' ')} flags={int(frame.flags):#x}"

@@ -217,6 +217,29 @@ def test_a_recording_of_any_day_can_be_captured_again(tmp_path, start_ns):
     assert outcome.error is None
 
 
+class OneByOne(MemoryTransport):
+    """A recording on a busy machine: it has nothing to say between its first chunk and the second for a while."""
+
+    reads = 0
+
+    def read(self, timeout_s):
+        self.reads += 1
+        if 1 < self.reads < 50:
+            time.sleep(0.002)
+            return None
+        return super().read(timeout_s)
+
+
+def test_a_recording_of_any_day_and_with_pauses_is_read_to_its_end_however_slowly(tmp_path):
+    chunks, _ = virtual_chunks(scenario("ideal"), duration_s=3.0)
+    sampleless = Chunk(encode_frame(encode_packet(Info(device_id=1, boot_id=2))), 10**17)
+    day_later = [Chunk(chunk.data, chunk.host_time_ns + 10**17) for chunk in chunks[1:]]
+    outcome = Bench(tmp_path, CaptureSettings(), link=OneByOne([sampleless, *day_later], ends=True)).run()
+    assert outcome.reason == "the recording is over"
+    assert outcome.error is None
+    assert outcome.n_chunks == len(chunks)
+
+
 def test_neither_recording_nor_result_is_ever_written_over(tmp_path, replayed):
     (tmp_path / "taken.json").write_text("mine")
     (tmp_path / "other.mcap").write_text("mine")
