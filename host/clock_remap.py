@@ -16,6 +16,7 @@ import numpy.typing as npt
 from host.clock_envelope import DelayLine, Point, envelope_line, hull_line, line_with_slope
 from host.clock_estimate import EstimatorSettings
 from host.clock_estimator import BIN_NS, ClockEstimator
+from host.clock_interval import NO_ROUND_TRIPS, OffsetInterval, RoundTrips, offset_interval, unwrapped_round_trips
 from host.clock_unwrap import ClockStep, ClockUnwrapper, UnwrapSettings
 
 IntArray = npt.NDArray[np.int64]
@@ -47,6 +48,10 @@ class RemappedSegment:
     """Width of the centred window, s."""
     bursty: bool
     """Whether the link was judged bursty."""
+    offset_ns: float
+    """Host minus device time as mapped, in the middle of the segment, ns."""
+    interval: OffsetInterval
+    """How far true from mapped time may be, anywhere in the segment."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +78,7 @@ def remap(
     segment_starts: Sequence[int] = (),
     unwrap: UnwrapSettings | None = None,
     settings: EstimatorSettings | None = None,
+    round_trips: RoundTrips = NO_ROUND_TRIPS,
 ) -> RemappedClock:
     """Map raw device ticks to host time by the lower envelope in a centred window.
 
@@ -86,6 +92,8 @@ def remap(
         Samples at which a new clock segment is known to start: another boot id, a reopened port.
     unwrap, settings
         Bounds and windows.
+    round_trips
+        Answers to TIME_REQUEST: they bound the offset, and do not change the mapping.
 
     Raises
     ------
@@ -113,16 +121,41 @@ def remap(
     window_s = settings.bursty_window_s if bursty else settings.window_s
     pieces = [chunks.within(start, stop) for start, stop in pairwise(bounds)]
     slope = _longest_slope(pieces)
+    trips, trip_segment = unwrapped_round_trips(round_trips, unwrapped, arrival, segment)
     host_ns = np.empty(len(ticks), dtype=np.int64)
     segments = []
-    for (start, stop), piece in zip(pairwise(bounds), pieces, strict=True):
+    for number, ((start, stop), piece) in enumerate(zip(pairwise(bounds), pieces, strict=True)):
         knots = _knots(piece, slope, window_s)
         host_ns[start:stop] = _mapped(knots, unwrapped[start:stop])
         residual = piece.arrival_ns - _mapped(knots, piece.newest_us)
         p50, p99 = np.percentile(residual, [50, 99])
         mean_slope = (knots[-1][1] - knots[0][1]) / (knots[-1][0] - knots[0][0]) if len(knots) > 1 else slope
         skew_ppm = 1e6 * (1000.0 / (1000.0 + mean_slope) - 1.0)
-        segments.append(RemappedSegment(start, stop, skew_ppm, float(p50), float(p99), len(residual), window_s, bursty))
+        middle_us = (knots[0][0] + knots[-1][0]) // 2
+        own = trips.chosen(trip_segment == number)
+        interval = offset_interval(
+            piece.newest_us,
+            residual.astype(float),
+            own,
+            (_mapped(knots, own.receive_us), _mapped(knots, own.transmit_us)),
+            window_s,
+            # Over the window the line may be off by what the crystal wanders and by what the link usually adds.
+            1e-3 * settings.wander_ppm + float(p50) / (1e6 * window_s),
+        )
+        segments.append(
+            RemappedSegment(
+                start=start,
+                stop=stop,
+                skew_ppm=skew_ppm,
+                jitter_p50_ns=float(p50),
+                jitter_p99_ns=float(p99),
+                n_chunks=len(residual),
+                window_s=window_s,
+                bursty=bursty,
+                offset_ns=float(_mapped(knots, np.array([middle_us]))[0] - 1000 * middle_us),
+                interval=interval,
+            )
+        )
     return RemappedClock(host_ns, unwrapped, segment, tuple(segments), tuple(steps), settings)
 
 

@@ -1,0 +1,151 @@
+"""How far mapped time may be from the truth, from the round trips of a recording: the offset as an interval.
+
+The lower envelope cannot see a constant delay of the link: a sample may have been taken earlier than the time it is
+mapped to. A TIME_REQUEST left before it was received, and its reply arrived after it was sent; together with the
+arrivals themselves that bounds the offset of the two clocks on both sides, everywhere in the recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+IntArray = npt.NDArray[np.int64]
+FloatArray = npt.NDArray[np.float64]
+
+MODULUS_US = 2**32
+MAX_LATENCY_US = 60_000_000
+"""A reply whose clock reading is further from what the samples around it say belongs to another segment."""
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetInterval:
+    """Bounds of the true host time of samples minus the time they are mapped to, over one clock segment."""
+
+    low_ns: float | None
+    """A sample was not taken earlier than this before its mapped time, ns (negative); None without round trips."""
+    high_ns: float
+    """Nor later than this after it, ns."""
+    consistent: bool
+    """Whether the bounds agree everywhere. If not, somebody stamps too early: the device or the host."""
+    n_round_trips: int
+    """Round trips that bound it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoundTrips:
+    """k answers to TIME_REQUEST, device time as it is on the wire."""
+
+    sent_ns: IntArray
+    """(k,) host time just before the request was written, ns, monotonic."""
+    receive_us: IntArray
+    """(k,) device clock when the request came, us."""
+    transmit_us: IntArray
+    """(k,) device clock when the reply left, us."""
+    received_ns: IntArray
+    """(k,) host time of the chunk that brought the reply, ns; in order."""
+
+    def __len__(self) -> int:
+        return len(self.sent_ns)
+
+    def chosen(self, which: npt.NDArray[np.bool_]) -> RoundTrips:
+        """Return some of them."""
+        return RoundTrips(self.sent_ns[which], self.receive_us[which], self.transmit_us[which], self.received_ns[which])
+
+
+NO_ROUND_TRIPS = RoundTrips(*(np.empty(0, np.int64) for _ in range(4)))
+
+
+def unwrapped_round_trips(
+    trips: RoundTrips, unwrapped_us: IntArray, arrival_ns: IntArray, segment: IntArray
+) -> tuple[RoundTrips, IntArray]:
+    """Put the device's readings on the unwrapped time of the samples around them.
+
+    Parameters
+    ----------
+    trips
+        As recorded.
+    unwrapped_us, arrival_ns, segment : (n,) int64
+        Device time, arrival and clock segment of the samples, in order of arrival.
+
+    Returns
+    -------
+    trips
+        Those that fit.
+    segment : (k,) int64
+        The clock segment of each.
+    """
+    if not len(trips) or not len(arrival_ns):
+        return NO_ROUND_TRIPS, np.empty(0, np.int64)
+    nearest = np.clip(np.searchsorted(arrival_ns, trips.received_ns, side="right") - 1, 0, None)
+    expected_us = unwrapped_us[nearest] + (trips.received_ns - arrival_ns[nearest]) // 1000
+    half = MODULUS_US // 2
+    off_us = (trips.transmit_us - expected_us + half) % MODULUS_US - half
+    transmit_us = expected_us + off_us
+    turn_us = trips.transmit_us - trips.receive_us
+    fits = (np.abs(off_us) < MAX_LATENCY_US) & (turn_us >= 0) & (turn_us < MAX_LATENCY_US)
+    # One that contradicts itself is no bound; 500 ppm of the time the device took are forgiven.
+    spare_ns = trips.received_ns - trips.sent_ns - 1000 * turn_us
+    fits &= spare_ns >= -turn_us // 2
+    located = RoundTrips(trips.sent_ns, transmit_us - turn_us, transmit_us, trips.received_ns)
+    return located.chosen(fits), segment[nearest][fits]
+
+
+def offset_interval(
+    late_us: IntArray,
+    late_ns: FloatArray,
+    trips: RoundTrips,
+    trips_mapped_ns: tuple[IntArray, IntArray],
+    window_s: float,
+    tolerance: float,
+) -> OffsetInterval:
+    """Bound true minus mapped time over one segment: the loosest of what holds in each window.
+
+    Parameters
+    ----------
+    late_us : (n,) int64
+        Device time of the chunks' newest samples, us, in order.
+    late_ns : (n,)
+        Their arrival minus mapped time, ns.
+    trips : RoundTrips
+        Of this segment, unwrapped.
+    trips_mapped_ns : (k,) int64, (k,) int64
+        What the two device readings of each are mapped to, ns.
+    window_s
+        Width of the windows.
+    tolerance
+        How fast mapped and true time may part, ns per us: a bound counts for less with its distance.
+    """
+    half_us = 0.5e6 * window_s
+    first, last = int(late_us[0]), int(late_us[-1])
+    centres = np.arange(first, last + 1, max(1, int(half_us))) if last > first else np.array([first])
+    receive_map, transmit_map = trips_mapped_ns
+    lows = (trips.receive_us, (trips.sent_ns - receive_map).astype(float))
+    x = np.concatenate([late_us, trips.transmit_us])
+    highs = (x, np.concatenate([late_ns, (trips.received_ns - transmit_map).astype(float)]))
+    low = _bounds(lows, centres, half_us, tolerance, -1.0)
+    high = _bounds(highs, centres, half_us, tolerance, 1.0)
+    known = np.isfinite(low)
+    return OffsetInterval(
+        low_ns=float(low[known].min()) if known.any() else None,
+        high_ns=float(high[np.isfinite(high)].max()),
+        consistent=bool((low[known] <= high[known]).all()),
+        n_round_trips=len(trips),
+    )
+
+
+def _bounds(
+    points: tuple[IntArray, FloatArray], centres: IntArray, half_us: float, tolerance: float, sign: float
+) -> FloatArray:
+    """Return the tightest bound at each centre from the points of its window; infinite where there is none."""
+    order = np.argsort(points[0], kind="stable")
+    x, y = points[0][order], points[1][order]
+    starts, stops = np.searchsorted(x, centres - half_us), np.searchsorted(x, centres + half_us, side="right")
+    out = np.full(len(centres), sign * np.inf)
+    for k, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist(), strict=True)):
+        if stop > start:
+            carried = sign * y[start:stop] + tolerance * np.abs(x[start:stop] - centres[k])
+            out[k] = sign * carried.min()
+    return out
