@@ -120,6 +120,12 @@ class Numbering:
                 self.longest_silence_ns = -1
                 self.given_since_silence = 0
         first = edges[-2]
+        if not may_hold and first < n and expected_before is not None:
+            # No TIME frame will tell: the last sample is taken for the one that is due by the time of its reception.
+            due = expected_before + round((int(host_ns[-1]) - self.heard_ns) / period_ns)
+            unseen = round((due - int(counters[-1])) / SEQUENCE_MODULUS) * SEQUENCE_MODULUS
+            if unseen > 0:
+                self._place(unseen, counters, host_ns, steps, first, n, int(host_ns[-1]))
         taken = self._given(host_ns, first, n, period_ns if may_hold else np.inf)
         if first < n:
             # Held samples have no number yet.

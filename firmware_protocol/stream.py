@@ -125,6 +125,10 @@ class StreamDecoder:
         self._frames.restart()
         self._sequence.restart()
 
+    def flush(self) -> list[StreamItem]:
+        """Give away what is still held: nothing, for a packet is delivered as soon as its frame is whole."""
+        return []
+
     def feed(self, data: bytes) -> list[StreamItem]:
         """Take what one read returned; return what it completed, in wire order.
 

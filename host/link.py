@@ -22,6 +22,9 @@ class PacketDecoder(Protocol):
     def counters(self) -> StreamCounters:
         """Snapshot of what was met so far."""
 
+    def flush(self) -> list[StreamItem]:
+        """Give away what is still held: nothing follows."""
+
     def restart(self) -> None:
         """Begin anew after the link was cut; the counters go on."""
 
@@ -62,16 +65,24 @@ class Link:
     def feed(self, chunk: AnyChunk) -> list[StreamItem]:
         """Decode one chunk; what it completed, in wire order.
 
-        An empty chunk (the link was opened again) ends the frame begun before.
+        An empty chunk (the link was opened again) ends the frame begun before; what it gives came before the cut.
         """
         if not chunk.data:
+            held = self.flush()
             if self._decoder is not None:
                 self._decoder.restart()
-            return []
+            return held
         if self._decoder is None:
             self._decoder = decoder_for(chunk, self._node)
         self.n_bytes += len(chunk.data)
         return self._decoder.feed(chunk.data)
+
+    def flush(self) -> list[StreamItem]:
+        """Give away what the decoder still holds: the link is over.
+
+        CAN samples behind a long silence wait for the frame that says which they are.
+        """
+        return [] if self._decoder is None else self._decoder.flush()
 
 
 def decoder_for(chunk: AnyChunk, node: int | None = None) -> PacketDecoder:

@@ -88,6 +88,8 @@ def play(
         try:
             chunk = transport.read(READ_S)
         except LinkEnd:
+            for row in trial.finish().cycles:
+                screen.cycle(row)
             for action in waiting:
                 desk.repeat(action)
             return picture()

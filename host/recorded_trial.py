@@ -84,14 +84,17 @@ def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -
     temperatures_c: list[float] = []
     reopened = 0
     arrivals = SampleArrivals()
+    heard_ns = 0
     for parts in grouped(chunks):
         chunk = joined(parts)
         items = link.feed(chunk)
         arrivals.feed(parts, items)
-        if not chunk.data:
+        blocks += assembler.feed(items, chunk.host_time_ns if chunk.data else heard_ns)
+        if chunk.data:
+            heard_ns = chunk.host_time_ns
+        else:  # what was still held came before the cut
             assembler.reopened()
             reopened += 1
-        blocks += assembler.feed(items, chunk.host_time_ns)
         for item in items:
             if isinstance(item, Event) and len(events) < MAX_EVENTS:
                 time_s = assembler.locate_s(item, chunk.host_time_ns)
@@ -99,6 +102,9 @@ def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -
                     events.append(TimedEvent(time_s, item.kind.name, item.value))
             elif isinstance(item, Status) and len(temperatures_c) < MAX_EVENTS:
                 temperatures_c.append(item.temperature_c)
+    held = link.flush()
+    arrivals.leave_out(held)
+    blocks += assembler.feed(held, heard_ns)
     blocks += assembler.release()
     notes = [
         f"{segment.reason} at {segment.time_s:.1f} s: later samples are placed by the host's clock"

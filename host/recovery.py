@@ -78,6 +78,7 @@ def recover(source: Path, target: Path) -> Recovery:
         copier.take(first)
         for message in messages:
             copier.take(message)
+        copier.finish()
         found = replace(copier.result(), header_found=header is not None)
         writer.add_note("recovered", f"from {source.name}: {'; '.join(found.sentences())}", copier.last_ns)
     finally:
@@ -111,6 +112,10 @@ class _Copier:
             add_views(self._writer, self._trial.feed(chunk), chunk.host_time_ns)
             self.last_ns = chunk.host_time_ns
         self._writer.flush_if_due(self.last_ns)
+
+    def finish(self) -> None:
+        """Take what the decoder still holds."""
+        add_views(self._writer, self._trial.finish(), self.last_ns)
 
     def _count(self, message: SalvagedMessage) -> None:
         """Count what is missing by the records' own numbers; a number far off is damage itself and passed over."""

@@ -54,6 +54,7 @@ class SampleArrivals:
         if not parts[0].data:  # the link was opened again
             self._pending = b""
             self._starts.append(self._n)
+            self.leave_out(items)
             return
         samples = []
         starts = []
@@ -76,6 +77,10 @@ class SampleArrivals:
         self._n += n
         self._ticks += samples
         self._arrivals.append(arrivals)
+
+    def leave_out(self, items: Iterable[StreamItem]) -> None:
+        """Count samples that the decoder held to the end: by then their chunk is not known any more."""
+        self.n_unplaced += sum(len(item) for item in items if isinstance(item, OrientationBatch))
 
     def remapped(self) -> RemappedClock | None:
         """Run the clock's offline pass; None where no sample's arrival is known."""

@@ -98,6 +98,7 @@ class Trial:
         self._withdrawn = 0
         self._newest_s = 0.0
         self._last_block: SampleBlock | None = None
+        self._heard_ns = 0  # when the newest chunk was received
         self.reconnects = 0
         """How often the link was lost and opened again."""
 
@@ -123,20 +124,27 @@ class Trial:
 
     def feed(self, chunk: AnyChunk) -> TrialUpdate:
         """Take one chunk; an empty one says that the link was opened again."""
-        items = self.link.feed(chunk)
-        if not chunk.data:
+        if chunk.data:
+            self._heard_ns = chunk.host_time_ns
+        update = self._feed_items(self.link.feed(chunk))
+        if not chunk.data:  # what was still held came before the cut
             self.reconnects += 1
             self.assembler.reopened()
             self._clock.new_segment()
-        decoded = self._feed_clock(items, chunk.host_time_ns)
+        return update
+
+    def finish(self) -> TrialUpdate:
+        """Take what the link still holds: no chunk follows."""
+        return self._feed_items(self.link.flush())
+
+    def _feed_items(self, items: list[StreamItem]) -> TrialUpdate:
+        decoded = self._feed_clock(items, self._heard_ns)
         cycles: list[CycleRow] = []
-        for block in self.assembler.feed(items, chunk.host_time_ns):
-            self._rate.add(len(block), chunk.host_time_ns)
+        for block in self.assembler.feed(items, self._heard_ns):
+            self._rate.add(len(block), self._heard_ns)
             self._last_block = block
             cycles += self._feed_block(block)
-        events = [
-            (item, self.assembler.locate_s(item, chunk.host_time_ns)) for item in items if isinstance(item, Event)
-        ]
+        events = [(item, self.assembler.locate_s(item, self._heard_ns)) for item in items if isinstance(item, Event)]
         return TrialUpdate(items, decoded, cycles, events)
 
     def feed_round_trips(self, trips: Iterable[RoundTrip]) -> None:
