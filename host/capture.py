@@ -17,13 +17,14 @@ from typing import Any
 
 from host import recording_format as fmt
 from host.alarms import AlarmWatch
-from host.errors import HostError, LinkError, LinkLostError
+from host.errors import HostError, LinkError, LinkLostError, WrongObjectError
 from host.guide import Guide, GuideSettings
 from host.operator_actions import GUIDE, OperatorAction
 from host.operator_desk import OperatorDesk
 from host.reader import ReaderThread
 from host.recording import RecordingWriter
 from host.recording_views import add_views
+from host.samples import CROWDED
 from host.screen import Screen
 from host.session import Phase, Session, SessionSettings
 from host.transports.chunks import AnyChunk, Transport
@@ -193,7 +194,8 @@ class Capture:
         self._recording.flush_if_due(now_ns)
         self._watch_disk(now_ns)
         told_by_session = () if self._session is None else self._session.warnings
-        for sentence in (*told_by_session, *self._transport.problems, *self._trial.link.problems):
+        told_by_trial = (*self._trial.link.problems, *self._trial.assembler.problems)
+        for sentence in (*told_by_session, *self._transport.problems, *told_by_trial):
             gist = re.sub(r"\d+", "#", sentence)  # a count that grows is no news
             if gist not in self._told:
                 self._told.add(gist)
@@ -210,11 +212,20 @@ class Capture:
         if self._session is not None:
             self._session.feed(update.items, len(chunk.data), chunk.host_time_ns)
             self._trial.feed_round_trips(self._session.take_round_trips())
+            self._watch_who_sends(self._session)
         self._record(update, chunk.host_time_ns)
         if update.decoded:
             self._last_sample_ns = self._silent_since_ns = chunk.host_time_ns
             if self._first_sample_ns is None:
                 self._first_sample_ns = chunk.host_time_ns
+
+    def _watch_who_sends(self, session: Session) -> None:
+        """Ask an object whose clock jumps who it is; give up where two send at once."""
+        assembler = self._trial.assembler
+        if assembler.doubtful:
+            session.ask_who(self._now_ns())
+        if assembler.crowded and session.error is None:
+            session.error = WrongObjectError(CROWDED, "leave one object on the line")
 
     def _reopened(self, now_ns: int) -> None:
         """Go on after the link was lost and opened again: the same recording, the same trial, a new handshake."""
@@ -307,7 +318,9 @@ class Capture:
             return "the recording is over" if self._error is None else "the link was lost"
         if self._session is not None and self._session.error is not None:
             self._error = self._session.error
-            return "the object cannot be captured" if self._first_sample_ns is None else "the link was lost"
+            if self._first_sample_ns is None:
+                return "the object cannot be captured"
+            return "another object answers" if isinstance(self._error, WrongObjectError) else "the link was lost"
         if self._guide is not None:
             if self._guide.done:
                 return "the guided trial is complete"

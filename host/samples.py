@@ -7,6 +7,8 @@ as the capture that made it.
 
 from __future__ import annotations
 
+import copy
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -28,6 +30,13 @@ HELD_NS = 3_000_000_000
 """How long samples are held back until a reopened link's object says who it is; later they are taken for its own."""
 MAX_HELD = 10_000
 """And how many at most."""
+DOUBT_NS = 300_000_000
+"""How long samples are held back at least after a jump of the clock that nothing explains: a second object on the same
+line, if it is one, has said by then who it is."""
+CROWDED_JUMPS = 4
+CROWDED_NS = 2_000_000_000
+"""So many jumps of the clock within so long are two objects that send in turn, or one that starts again and again."""
+CROWDED = "two objects send on this line at once (or one that starts again and again): its samples are left out"
 CONTINUES_WITHIN = 0.1
 """After a step of the device clock the numbers count on if they fit the host's time to this share (or 64 samples)."""
 
@@ -88,14 +97,33 @@ class SampleAssembler:
         self._newest_host_ns = 0
         self._index_shift = 0
         self._next_index = 0
-        self._held: list[tuple[StreamItem, int]] | None = None  # since the link was opened again, until INFO
+        self._held: list[tuple[StreamItem, int]] | None = None  # until it is known who is there
         self._n_held = 0
-        self._foreign = False
+        self._wait_ns = HELD_NS
+        self._doubts_clock = self._releases = False
+        self._reopened = False  # since the object last introduced itself
+        self._foreign = self._crowded = False
+        self._jumps_ns: deque[int] = deque(maxlen=CROWDED_JUMPS)
 
     @property
     def foreign(self) -> bool:
-        """Whether another object answers now; its samples are left out."""
-        return self._foreign
+        """Whether another object answers now, or two at once; samples are left out then."""
+        return self._foreign or self._crowded
+
+    @property
+    def crowded(self) -> bool:
+        """Whether two objects send on this line at once, so that no sample can be told whose it is."""
+        return self._crowded
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What a person should know of who sends here."""
+        return (CROWDED,) if self._crowded else ()
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the clock jumped and samples are held back until the object says again who it is: ask it."""
+        return self._doubts_clock and self._held is not None
 
     def reopened(self) -> None:
         """Take note that the link was lost and opened again: another object may be there now.
@@ -103,8 +131,14 @@ class SampleAssembler:
         An object that once said who it is must say so again; until then its samples are held back, bounded by
         :data:`HELD_NS` and :data:`MAX_HELD`.
         """
+        self._reopened = True
+        self._crowded = False
+        self._jumps_ns.clear()
         if self.info is not None and self._held is None:
-            self._held, self._n_held = [], 0
+            self._begin_hold()
+
+    def _begin_hold(self, doubts_clock: bool = False) -> None:
+        self._held, self._n_held, self._wait_ns, self._doubts_clock = [], 0, HELD_NS, doubts_clock
 
     def feed(self, items: Iterable[StreamItem], host_time_ns: int) -> list[SampleBlock]:
         """Take the packets of one chunk in wire order; return the new samples.
@@ -120,7 +154,7 @@ class SampleAssembler:
         for item in items:
             if isinstance(item, Info):
                 blocks += self._feed_info(item)
-            elif isinstance(item, OrientationBatch | Status) and not self._foreign:
+            elif isinstance(item, OrientationBatch | Status) and not self.foreign:
                 blocks += self._feed_item(item, host_time_ns) if self._held is None else self._hold(item, host_time_ns)
         return blocks
 
@@ -128,21 +162,35 @@ class SampleAssembler:
         if isinstance(item, OrientationBatch):
             return self._feed_batch(item, host_time_ns)
         if isinstance(item, Status):
+            if self._is_anothers(item, host_time_ns):
+                self._begin_hold(doubts_clock=True)
+                return self._hold(item, host_time_ns)
             self.status = item
             self.ledger.status(item)
         return []
+
+    def _is_anothers(self, status: Status, host_time_ns: int) -> bool:
+        """Whether a STATUS tells of a clock that cannot be the one the samples have."""
+        if self.info is None or self._releases or self._open_reason is not None:
+            return False
+        return self._clock.newest_us is not None and self._clock.locate(status.uptime_us, host_time_ns) is None
 
     def _hold(self, item: StreamItem, host_time_ns: int) -> list[SampleBlock]:
         assert self._held is not None
         self._held.append((item, host_time_ns))
         self._n_held += len(item) if isinstance(item, OrientationBatch) else 1
-        overdue = self._n_held > MAX_HELD or host_time_ns - self._held[0][1] > HELD_NS
+        overdue = self._n_held > MAX_HELD or host_time_ns - self._held[0][1] > self._wait_ns
         return self.release() if overdue else []
 
     def release(self) -> list[SampleBlock]:
         """Take samples still held back for the object's own; return them."""
         held, self._held = self._held or [], None
-        return [block for item, host_time_ns in held for block in self._feed_item(item, host_time_ns)]
+        self._releases = True
+        blocks = [
+            block for item, host_time_ns in held if not self._crowded for block in self._feed_item(item, host_time_ns)
+        ]
+        self._releases = False
+        return blocks
 
     def locate_s(self, event: Event, host_time_ns: int) -> float | None:
         """Place an event on the time axis; None where no sample of its segment has come."""
@@ -158,31 +206,52 @@ class SampleAssembler:
     def _feed_info(self, info: Info) -> list[SampleBlock]:
         if self.info is not None and info.device_id != self.info.device_id:
             self._foreign, self._held = True, None
+            self._crowded = self._crowded or not self._reopened
             return []
-        self._foreign = False
-        if self.info is not None and info.boot_id != self.info.boot_id:
+        self._foreign = self._reopened = False
+        was_reset = self.info is not None and info.boot_id != self.info.boot_id
+        if was_reset:
             self._clock.new_segment()
             self._begin_segment("the object was reset")
         self.info = info
+        if self._held and self._doubts_clock and not was_reset:
+            self._wait_ns = DOUBT_NS  # it is there; whether another one is too, it does not say
+            return []
         return self.release()
 
     def _feed_batch(self, batch: OrientationBatch, host_time_ns: int) -> list[SampleBlock]:
         if not len(batch):
             return []
+        before = None if self.info is None or self._releases else copy.copy(self._clock)
         times_us = self._clock.feed(batch.device_time_us, host_time_ns)
         cuts = [step.index for step in self._clock.take_steps()]
+        if cuts and before is not None:
+            before.take_steps()  # they are those of its copy
+            self._clock = before
+            return self._doubt(batch, cuts[0], host_time_ns)
         blocks = []
         bounds = sorted({0, *cuts, len(batch)})
         for start, end in pairwise(bounds):
             if start in cuts:
                 self._clock_stepped(int(batch.sequence[start]), int(times_us[start]), host_time_ns)
+            if self._crowded:
+                break
             block = self._feed_piece(batch, times_us, slice(start, end), host_time_ns)
             if len(block):
                 blocks.append(block)
         return blocks
 
+    def _doubt(self, batch: OrientationBatch, index: int, host_time_ns: int) -> list[SampleBlock]:
+        """Hold back what comes from ``index`` on, where the clock jumps: it may be another object's."""
+        blocks = self._feed_batch(_batch_piece(batch, slice(0, index)), host_time_ns)
+        self._begin_hold(doubts_clock=True)
+        return blocks + self._hold(_batch_piece(batch, slice(index, None)), host_time_ns)
+
     def _clock_stepped(self, number: int, time_us: int, host_time_ns: int) -> None:
         """Decide what a jump of the device clock was: a reset (numbers begin anew) or a step (they count on)."""
+        self._jumps_ns.append(host_time_ns)
+        if len(self._jumps_ns) == CROWDED_JUMPS and host_time_ns - self._jumps_ns[0] <= CROWDED_NS:
+            self._crowded = True
         period_us = self._sequence.period_us
         last = self._next_index - 1 - self._index_shift
         if period_us is not None and self._open_reason is None:
@@ -239,6 +308,12 @@ class SampleAssembler:
         self._origin_us = time_us
         self.segments.append(SegmentStart(self._segment, self._offset_s, host_time_ns, self._open_reason))
         self._open_reason = None
+
+
+def _batch_piece(batch: OrientationBatch, piece: slice) -> OrientationBatch:
+    return OrientationBatch(
+        batch.sequence[piece], batch.device_time_us[piece], batch.quats_wxyz[piece], batch.flags[piece]
+    )
 
 
 def _selected(block: SampleBlock, keep: npt.NDArray[np.bool_]) -> SampleBlock:

@@ -135,6 +135,8 @@ class Session:
         self._time_asked_ns = now_ns
         self._round_trips: list[RoundTrip] = []
         self._bytes_received = 0
+        self._was_reopened = False  # since the object last introduced itself
+        self._who_asked_ns = now_ns
         self._was_there = False  # it has been captured before: how long it may be silent is not for us to say
 
     @property
@@ -201,8 +203,16 @@ class Session:
         self._first_sample_ns = self._asked_ns = None
         self._start_ns = now_ns
         self._was_there = self._last_sample_ns is not None
+        self._was_reopened = True
         if not self.one_way:
             self.phase = Phase.HANDSHAKE
+
+    def ask_who(self, now_ns: int) -> None:
+        """Ask who is there, because what comes may be another's; not more often than an answer may take."""
+        streams = self.phase is Phase.STREAMING and not self.one_way
+        if streams and now_ns - self._who_asked_ns >= self.settings.answer_s * 1e9:
+            self._who_asked_ns = now_ns
+            self._outbox.append(GetInfo(self._next_id()))
 
     def mark(self, marker: int) -> None:
         """Put a marker into the stream of an object that listens; it comes back as EVENT."""
@@ -225,13 +235,10 @@ class Session:
     def _feed_info(self, info: Info) -> None:
         known = self.info
         if known is not None and info.device_id != known.device_id:
-            self.error = WrongObjectError(
-                f"another object answers now: {plain(info.name) or 'unnamed'} ({info.device_id:016x}) in place of "
-                f"{plain(known.name) or 'unnamed'} ({known.device_id:016x})",
-                "capture each object in a trial of its own",
-            )
+            self.error = _another(info, known, self._was_reopened)
             return
         self.info = info
+        self._was_reopened = False
         self.one_way = False
         was_reset = known is not None and info.boot_id != known.boot_id
         if was_reset:
@@ -356,6 +363,18 @@ class Session:
             self._time_asked_ns = now_ns
             self._time_sent.clear()  # one at a time: a late answer is worth nothing
             self._outbox.append(TimeRequest(self._next_id()))
+
+
+def _another(info: Info, known: Info, was_reopened: bool) -> WrongObjectError:
+    there, before = (f"{plain(each.name) or 'unnamed'} ({each.device_id:016x})" for each in (info, known))
+    if was_reopened:
+        return WrongObjectError(
+            f"another object answers now: {there} in place of {before}", "capture each object in a trial of its own"
+        )
+    return WrongObjectError(
+        f"a second object answers on this line: {there} beside or in place of {before}",
+        "leave one object on the line, and capture each in a trial of its own",
+    )
 
 
 def _words(code: AckCode) -> str:

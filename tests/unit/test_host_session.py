@@ -202,7 +202,7 @@ def test_another_object_on_the_same_link_is_refused():
     session, device = session_for(), Object()
     converse(session, device, lambda: session.phase is Phase.STREAMING)
     session.feed([Info(device_id=8, boot_id=1, name="sphere\x1b[2J")], 40, 10**10)
-    assert "another object answers now: sphere[2J (0000000000000008)" in str(session.error)
+    assert "a second object answers on this line: sphere[2J (0000000000000008)" in str(session.error)
 
 
 def test_stopping_does_not_wait_for_a_deaf_object():
