@@ -81,7 +81,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     _make_output_safe()
     try:
-        args = build_parser().parse_args(arguments)
+        parser = build_parser()
+        args, unknown = parser.parse_known_args(arguments)
+        if unknown:
+            parser.prog = f"rotdrift {args.command}"  # whose --help says more
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     except SystemExit as leaving:  # argparse leaves after --help, --version and errors
         return leaving.code if isinstance(leaving.code, int) else 0
     try:

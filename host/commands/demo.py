@@ -37,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from datetime import datetime
 
+    from emulator import ScenarioError
     from emulator.scenario import load_scenario
     from host.capture import CaptureSettings
     from host.capture_run import default_recording, run_capture
@@ -49,6 +50,10 @@ def run(args: argparse.Namespace) -> int:
     if not 3 <= args.cycles <= 1000:
         raise UsageError(f"{args.cycles} cycles make no demonstration", "give --cycles from 3 to 1000")
     scenario = "fast" if args.fast else args.scenario
+    try:
+        heading_drift = load_scenario(scenario).imu.heading_drift_deg_per_min
+    except ScenarioError as error:
+        raise UsageError(str(error)) from error
     recording = args.out or default_recording(datetime.now().astimezone())
     sys.stdout.write(f"starting a virtual object (scenario {scenario}) ...\n")
     sys.stdout.flush()
@@ -61,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
             )
         truth = virtual.stop()
     print_score(finished.score)
-    _print_truth(finished.score, truth, load_scenario(scenario).imu.heading_drift_deg_per_min)
+    _print_truth(finished.score, truth, heading_drift)
     sys.stdout.write(f"recording  {finished.recording}\nresult     {finished.result}\n")
     sys.stdout.flush()
     if finished.outcome.error is not None:

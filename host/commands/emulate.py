@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -67,6 +68,10 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("an object needs a link to be reached by", "give --link pty:PATH or --link tcp:PORT")
     if args.duration is not None and not 0 < args.duration < 1e9:
         raise UsageError(f"{args.duration:g} s is no duration", "give --duration in seconds, above 0")
+    if args.seed is not None and not 0 <= args.seed < 2**32:
+        raise UsageError(f"{args.seed} is no seed", "give --seed from 0 to 4294967295")
+    if args.truth is not None and Path(args.truth).exists():
+        raise FileError(f"{args.truth} exists already", "give another name with --truth, or move it away")
     try:
         scenario = load_scenario(args.scenario)
         link = open_link(args.link)

@@ -55,11 +55,13 @@ def run(capsys, monkeypatch, tmp_path):
         ["capture", "/dev/null", "--duration", "-1"],
         ["replay", "x.mcap", "--speed", "-1"],
         ["score", "--frob"],
+        ["score", "x.csv", "--frob"],
     ],
 )
 def test_wrong_arguments_are_one_sentence(run, arguments):
     told = one_sentence(run(*arguments), 2)
-    assert "--help" in told
+    command = " ".join(["rotdrift", *(word for word in arguments[:1] if word in COMMANDS)])
+    assert f"see `{command} --help`" in told
 
 
 class Failing:
@@ -138,7 +140,9 @@ def test_an_output_that_knows_no_greek_is_no_failure(tmp_path):
         (["emulate"], 2, "--link"),
         (["emulate", "--link", "smoke:signals"], 2, "no link 'smoke:signals'"),
         (["emulate", "--link", "tcp:0", "--duration", "0"], 2, "duration"),
+        (["emulate", "--link", "tcp:0", "--seed", "-1"], 2, "-1 is no seed: give --seed from 0"),
         (["demo", "--cycles", "1"], 2, "1 cycles make no demonstration"),
+        (["demo", "--scenario", "nonsense"], 2, "two-hump, unplugged, or give the path"),
     ],
 )
 def test_bad_input_gets_one_sentence_and_the_code(run, tmp_path, arguments, code, told):
@@ -187,6 +191,9 @@ def test_a_byte_file_in_virtual_time_takes_seconds(run, tmp_path):
     assert json.loads((tmp_path / "t.json").read_text())["complete"]
     again = run("emulate", "--scenario", scenario, "--link", "file:bytes.bin")
     assert "exists" in one_sentence(again, 3)
+    again = run("emulate", "--scenario", scenario, "--link", "file:more.bin", "--truth", "t.json")
+    assert one_sentence(again, 4).startswith("rotdrift: t.json exists already: give another name with --truth")
+    assert not (tmp_path / "more.bin").exists()
 
 
 def test_the_list_of_scenarios_has_a_line_each(run):
