@@ -96,7 +96,11 @@ class AlarmWatch:
             f"nothing has come for {link.silent_s:.0f} s: check the object's battery and cable",
         )
         if link.segments > max(1, self._segments):
-            self._hold("clock", now_s, f"{link.segment_reason or 'the device clock jumped'}: see whether it streams on")
+            self._hold(
+                "clock",
+                now_s,
+                f"{link.segment_reason or 'the device clock jumped'}; what follows is placed by the host's clock",
+            )
         self._segments = max(self._segments, link.segments)
         losses = link.losses
         self._losses.append((now_s, losses.produced, losses.missing))
@@ -108,13 +112,13 @@ class AlarmWatch:
             "losses",
             share > LOSS_RAISE and losses.missing - missing > 1,
             share < LOSS_CLEAR,
-            f"{100 * share:.1f} % of the last samples are missing: check cable, distance and rate",
+            f"{100 * share:.1f} % of the last samples are missing: check cable and distance",
         )
 
     def _sudden(self, state: TrialState, before: TrialState, now_s: float) -> None:
         rate = state.motion.turn_rate_dps or 0.0
         if rate > DROP_DPS:
-            self._hold("reorientation", now_s, f"it turned at {rate:.0f}°/s: was the object dropped?")
+            self._hold("reorientation", now_s, f"it turned at {rate:.0f}°/s: was it dropped?")
         row = state.cycles[-1] if state.cycles else None
         if row is not None and row.step_deg is not None and before.cycles[-1:] != state.cycles[-1:]:
             steps = [other.step_deg for other in state.cycles[:-1] if other.step_deg is not None]
@@ -124,10 +128,10 @@ class AlarmWatch:
                 self._hold(
                     "reorientation",
                     now_s,
-                    f"cycle {row.number} turned it by {row.step_deg:.1f}°: dropped or regrasped? x leaves it out",
+                    f"cycle {row.number} moved it {row.step_deg:.1f}°: dropped, regrasped? (x: exclude)",
                 )
         if state.sensor.saturated:
-            self._hold("saturation", now_s, "the sensor reached the end of its range: slower, or its drift is not true")
+            self._hold("saturation", now_s, "the motion is beyond the sensor's range: slower, or do not trust θ̄")
 
     def _no_cycles(self, state: TrialState, before: TrialState) -> None:
         moving = (state.motion.turn_rate_dps or 0.0) > MOVING_DPS
@@ -140,7 +144,7 @@ class AlarmWatch:
             "no cycles",
             self._moved_s > limit_s,
             self._moved_s < limit_s,
-            f"it has moved for {self._moved_s:.0f} s and no cycle was found: is the same rotation repeated?",
+            f"{self._moved_s:.0f} s of movement without a cycle: is one rotation repeated?",
         )
 
     def _axis(self, state: TrialState, now_s: float) -> None:
@@ -155,7 +159,7 @@ class AlarmWatch:
             "axis",
             ambiguous and lasted,
             not ambiguous and lasted,
-            "the object does not turn about one axis: cycles may be found at the wrong moment",
+            "it turns about no single axis: cycles may end at the wrong moment",
         )
 
     def _swing(self, state: TrialState) -> None:
@@ -168,7 +172,7 @@ class AlarmWatch:
             "swing",
             share < SWING_RAISE,
             share > SWING_CLEAR,
-            f"the swing has shrunk from {self._widest_deg:.0f}° to {swing:.0f}°: the object slips out of the hand",
+            f"swing down from {self._widest_deg:.0f}° to {swing:.0f}°: is it slipping out of the hand?",
         )
 
     def _floor(self, state: TrialState) -> None:
@@ -178,8 +182,7 @@ class AlarmWatch:
             "floor",
             known and theta is not None and floor is not None and theta < floor,
             not known or (theta is not None and floor is not None and theta > FLOOR_CLEAR * floor),
-            f"the drift is below the sensor's floor of {floor or 0.0:.2g}°: it cannot be told from none; more cycles "
-            "lower the floor",
+            f"θ̄ is below the sensor's floor of {floor or 0.0:.2g}°, no drift at all looks the same; more cycles help",
         )
 
 

@@ -277,7 +277,7 @@ class Trial:
     def _link_view(self, link: LinkView, now_ns: int) -> LinkView:
         counters = self.link.counters
         estimate = self._clock.estimate()
-        block = self._last_block
+        block, segments = self._last_block, self.assembler.segments
         return replace(
             link,
             rate_hz=self._rate.rate_hz(now_ns),
@@ -286,7 +286,9 @@ class Trial:
             losses=self.assembler.losses(self.link.damaged_frames),
             crc_errors=counters.crc_errors,
             malformed=counters.malformed,
-            segments=len(self.assembler.segments),
+            segments=len(segments),
+            segment_reason=segments[-1].reason if len(segments) > 1 else "",
+            reconnects=self.reconnects,
             skew_ppm=estimate.skew_ppm if estimate is not None and estimate.warm else None,
             jitter_p99_ms=None if estimate is None else _number(estimate.jitter_p99_ns / 1e6),
             jitter_p50_ms=None if estimate is None else _number(estimate.jitter_p50_ns / 1e6),

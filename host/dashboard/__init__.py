@@ -27,7 +27,7 @@ WIDE, TALL = 100, 28
 """From this size on the drift path and the sphere have panels of their own."""
 MIN_TABLE = 3
 HELP_LINES = 18
-MIN_PLOT, MAX_PLOT = 34, 72
+MIN_PLOT, MAX_PLOT = 30, 72
 """Width of the right column, cells."""
 
 
@@ -69,7 +69,7 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
 
 
 def _wide_middle(state: TrialState, look: Look, width: int, height: int) -> Lines:
-    right = min(MAX_PLOT, max(MIN_PLOT, width * 36 // 100))
+    right = min(MAX_PLOT, max(MIN_PLOT, width * 9 // 20 - 15))
     table = cycle_table(state, look, width - right - 1, height)
     path_height = max(6, height * 2 // 5)
     sphere_height = height - path_height
@@ -86,7 +86,7 @@ def _wide_middle(state: TrialState, look: Look, width: int, height: int) -> Line
     else:
         sphere = framed(
             sphere_plot(state, look, right - 4, sphere_height - 2),
-            "where the object's axes went",
+            "where the axes went",
             right,
             sphere_height,
             look,

@@ -36,17 +36,34 @@ def block(lines: Lines, width: int, height: int, look: Look) -> Lines:
     return [fitted(line, width, look) for line in lines] + [Text(" " * width, end="")] * (height - len(lines))
 
 
-def framed(lines: Lines, title: str, width: int, height: int, look: Look, meaning: str = "frame") -> Lines:
-    """Draw a frame around lines; width and height are those of the frame."""
+def framed(
+    lines: Lines, title: str, width: int, height: int, look: Look, meaning: str = "frame", right_title: str = ""
+) -> Lines:
+    """Draw a frame around lines; width and height are those of the frame.
+
+    A title at the right is left out where there is no room for both.
+    """
     corners, bar, side = ("++++", "-", "|") if look.ascii_only else ("╭╮╰╯", "─", "│")
     inner = max(0, width - 4)
-    head = fitted(look.text(f" {title} "), min(inner, look.text(f" {title} ").cell_len), look) if title else Text()
+    head = _title(title, inner, look)
+    tail = _title(right_title, inner, look)
+    if head.cell_len + tail.cell_len + 3 > inner:
+        tail = Text(end="")
     top = look.join((corners[0] + bar, meaning))
     top.append_text(head)
-    top.append(bar * (width - 3 - head.cell_len) + corners[1], look.styles[meaning])
+    top.append(bar * (width - 4 - head.cell_len - tail.cell_len), look.styles[meaning])
+    top.append_text(tail)
+    top.append((bar + corners[1])[: max(0, width - top.cell_len)], look.styles[meaning])
     left, right = look.text(f"{side} ", meaning), look.text(f" {side}", meaning)
     body = [Text.assemble(left, line, right, end="") for line in block(lines, inner, max(0, height - 2), look)]
     return [top, *body, look.text(corners[2] + bar * max(0, width - 2) + corners[3], meaning)]
+
+
+def _title(words: str, width: int, look: Look) -> Text:
+    if not words:
+        return Text(end="")
+    title = look.text(f" {words} ")
+    return fitted(title, min(width, title.cell_len), look)
 
 
 def beside(*parts: Lines) -> Lines:

@@ -78,9 +78,14 @@ class Canvas:
 
     def _row(self, row: int) -> Text:
         line = Text(no_wrap=True, end="")
+        run, style = "", None
         for column in range(self.cells_wide):
             place = (column, row)
             bits = self._bits.get(place, 0)
             character = self._letters.get(place) or (chr(_BRAILLE + bits) if bits else " ")
-            line.append(character, self._styles.get(place))
-        return line
+            its_style = self._styles.get(place)
+            if its_style is not style and run:  # neighbours of one style go as one piece: it is drawn faster
+                line.append(run, style)
+                run = ""
+            run, style = run + character, its_style
+        return line.append(run, style)

@@ -2,18 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from rich.text import Text
 
 from host.dashboard.boxes import Lines, block
-from host.dashboard.look import Look
+from host.dashboard.look import Look, Part
 from host.trial_state import CycleRow, TrialState
 
-AXIS_WIDTH, NARROW_AXIS_WIDTH = 17, 14
+STILL_DPS = 1.5
+"""Turning rate below which the object is at rest."""
 MIN_BAR, MAX_BAR = 6, 40
-_FIXED = 42
+_FIXED = 35
 """Cells of the columns that always have the same width, with the spaces between them."""
+_THETA = 8
+_AXIS, _WIDE_AXIS = 15, 18
 _FLAGS = 13
 """Cells kept for flags."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """What there is room for."""
+
+    bar: int
+    theta: bool
+    axis: int
+    """Width of the axis, 0 without one."""
+
+    @classmethod
+    def that_fit(cls, width: int) -> _Columns:
+        """Choose: the axis of the step goes before the course of θ̄, which stands in large figures anyway."""
+        spare = width - _FIXED - MIN_BAR - _FLAGS
+        axis = 0 if spare < _AXIS else _AXIS if spare < _WIDE_AXIS + _THETA + _FLAGS else _WIDE_AXIS
+        theta = spare - axis >= _THETA
+        return cls(min(MAX_BAR, max(MIN_BAR, MIN_BAR + spare - axis - _THETA * theta)), theta, axis)
 
 
 def cycle_table(state: TrialState, look: Look, width: int, height: int) -> Lines:
@@ -28,44 +51,37 @@ def cycle_table(state: TrialState, look: Look, width: int, height: int) -> Lines
     width, height : int
         Of the rectangle, heading included.
     """
-    axis_width = 0
-    if width >= _FIXED + NARROW_AXIS_WIDTH + MIN_BAR + _FLAGS:
-        axis_width = AXIS_WIDTH if width >= _FIXED + AXIS_WIDTH + MIN_BAR + 3 * _FLAGS else NARROW_AXIS_WIDTH
-    bar = min(MAX_BAR, max(MIN_BAR, width - _FIXED - _FLAGS - axis_width))
-    head = f"{'cycle':>6}{'time':>10}{'period':>9}{'step':>8} {'':{bar}}{look.words('θ̄'):>{_theta_width(look)}} "
-    lines = [look.text(head + (" axis of step" if axis_width else ""), "strong")]
+    columns = _Columns.that_fit(width)
+    head = f"{'cycle':>6}{'time':>10}{'period':>9}{'step deg' if look.ascii_only else 'step':>9} {'':{columns.bar}}"
+    if columns.theta:
+        head += f"{look.words('θ̄'):>{_THETA if look.ascii_only else _THETA + 1}}"  # ``format`` counts the bar over θ
+    lines = [look.text(head + ("  axis of step" if columns.axis else ""), "strong")]
     rows = state.cycles[-max(1, height - 1) :]
     longest = max((row.step_deg or 0.0 for row in state.cycles), default=0.0)
-    lines += [_line(row, longest, bar, axis_width, look) for row in rows]
+    lines += [_line(row, longest, columns, look) for row in rows]
     if not rows:
         lines.append(look.text(f"  {_waiting(state)}", "quiet"))
     return block(lines, width, height, look)
 
 
-def _theta_width(look: Look) -> int:
-    """Width for ``format``, which counts the bar over θ as a character of its own."""
-    return 7 if look.ascii_only else 8
-
-
-def _line(row: CycleRow, longest_deg: float, bar: int, axis_width: int, look: Look) -> Text:
+def _line(row: CycleRow, longest_deg: float, columns: _Columns, look: Look) -> Text:
     odd = "quiet" if row.excluded else "doubtful" if row.flags else "plain"
     share = 0.0 if row.step_deg is None or longest_deg <= 0 else row.step_deg / longest_deg
-    cells = max(1 if row.step_deg else 0, round(share * bar))
+    cells = max(1 if row.step_deg else 0, round(share * columns.bar))
     number = str(row.number) if row.number else "start"
     period = "" if row.period_s is None else f"{row.period_s:.3f} s"
-    step = "" if row.step_deg is None else f"{row.step_deg:.3f}"
-    theta = "" if row.theta_bar_deg is None else f"{row.theta_bar_deg:.3f}"
     sign = ("x" if look.ascii_only else "┄") if row.excluded else "━"
-    parts: list[str | tuple[str, str]] = [
+    parts: list[Part] = [
         (f"{number:>6}{row.time_s:>8.2f} s{period:>9}", "quiet" if row.excluded else "plain"),
-        (f"{step:>8} ", odd),
-        (f"{sign * cells:{bar}}", odd if odd != "plain" else "accent"),
-        f"{theta:>7} ",
+        (f"{_angle(row.step_deg, look):>9} ", odd),
+        (f"{sign * cells:{columns.bar}}", odd if odd != "plain" else "accent"),
     ]
-    if axis_width:
-        places = 2 if axis_width == AXIS_WIDTH else 1
+    if columns.theta:
+        parts.append(f"{_angle(row.theta_bar_deg, look):>{_THETA}}")
+    if columns.axis:
+        places = 2 if columns.axis == _WIDE_AXIS else 1
         axis = "" if row.step_axis is None else " ".join(f"{part:+.{places}f}" for part in row.step_axis)
-        parts.append((f" {axis:{axis_width - 1}}", "quiet"))
+        parts.append((f"  {axis:{columns.axis - 2}}", "quiet"))
     if row.excluded:
         parts.append((f" left out: {row.excluded}", "doubtful"))
     elif row.flags:
@@ -73,7 +89,14 @@ def _line(row: CycleRow, longest_deg: float, bar: int, axis_width: int, look: Lo
     return look.join(*parts)
 
 
+def _angle(angle_deg: float | None, look: Look) -> str:
+    """Write an angle with its sign of degrees; in ASCII the heading has the unit."""
+    return "" if angle_deg is None else f"{angle_deg:.3f}" + ("" if look.ascii_only else "°")
+
+
 def _waiting(state: TrialState) -> str:
     if state.sensor.orientation_wxyz is None:
         return "no data yet"
-    return "waiting for cycles"
+    if (state.motion.turn_rate_dps or 0.0) < STILL_DPS:
+        return "at rest: start the hand, and every cycle gets a line here"
+    return "it turns: the first end point is known after about one and a half cycles"

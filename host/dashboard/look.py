@@ -5,7 +5,7 @@ Colour is never the only carrier of a meaning: what is doubtful or bad is also a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rich.style import Style
@@ -41,7 +41,7 @@ _ASCII = str.maketrans(
         "°": "deg",
         "·": "|",
         "…": "...",
-        "±": "+/-",
+        "±": "+-",
         "−": "-",
         "━": "=",
         "─": "-",
@@ -52,6 +52,10 @@ _ASCII = str.maketrans(
         "→": "->",
     }
 )
+
+
+Part = str | tuple[str, str]
+"""A text, or a text and its meaning."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,7 @@ class Look:
         """Make a text of one meaning."""
         return Text(self.words(text), style=self.styles[meaning], no_wrap=True, end="")
 
-    def join(self, *parts: str | tuple[str, str]) -> Text:
+    def join(self, *parts: Part) -> Text:
         """Put texts together; each is plain or (text, meaning)."""
         line = Text(no_wrap=True, end="")
         for part in parts:
@@ -88,16 +92,28 @@ class Look:
             line.append(self.words(text), self.styles[meaning])
         return line
 
-    def listed(self, parts: list[str | tuple[str, str]]) -> Text:
-        """Put texts in a row with a dot between them; empty ones are left out."""
-        joined: list[str | tuple[str, str]] = []
+    def listed(self, parts: Sequence[Part], width: int | None = None) -> Text:
+        """Put texts in a row with a dot between them.
+
+        Parameters
+        ----------
+        parts : sequence of Part
+            The most important first; empty ones are left out.
+        width : int, optional
+            Cells there are: parts that do not fit are left out, later ones that do are not. The first is always there.
+        """
+        line, room = Text(no_wrap=True, end=""), width
         for part in parts:
-            if not (part if isinstance(part, str) else part[0]):
+            words, meaning = (part, "plain") if isinstance(part, str) else part
+            if not words:
                 continue
-            if joined:
-                joined.append((" · ", "quiet"))
-            joined.append(part)
-        return self.join(*joined)
+            piece = self.join((" · ", "quiet")) if line else Text(end="")
+            piece.append(self.words(words), self.styles[meaning])
+            if room is not None and line and piece.cell_len > room:
+                continue
+            line.append_text(piece)
+            room = None if room is None else room - piece.cell_len
+        return line
 
 
 def terminal_is_light(colorfgbg: str | None) -> bool:

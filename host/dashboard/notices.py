@@ -9,12 +9,12 @@ from rich.text import Text
 from host.dashboard.boxes import Lines, framed
 from host.dashboard.look import Look
 from host.dashboard.view import View
-from host.trial_state import TrialState
+from host.trial_state import Alarm, TrialState
 
 KEYS = (
     ("m", "marker", "put a marker here"),
     ("n", "note", "type a note"),
-    ("s", "start/stop", "start or stop the trial window: only end points inside count"),
+    ("s", "window", "start or stop the trial window: only end points inside count"),
     ("x", "exclude", "leave the last cycle out, with a reason; again: take it back in"),
     ("f", "focus", "show the next object"),
     ("p", "pause", "hold the picture still; the capture goes on"),
@@ -40,13 +40,18 @@ def guide_lines(state: TrialState, look: Look, width: int) -> Lines:
 
 
 def notice_lines(state: TrialState, look: Look, width: int) -> Lines:
-    """Draw alarms, then warnings, then the trial window and the last mark; at most :data:`MAX_NOTICES`."""
-    lines: Lines = []
-    for alarm in state.alarms:
-        first, *rest = textwrap.wrap(look.words(f"ALARM {alarm.kind}: {alarm.sentence}"), max(20, width))
-        lines.append(look.text(first))
-        lines[-1].stylize(look.styles["bad"], 0, len(f"ALARM {alarm.kind}:"))
-        lines += [look.text(f"  {line}") for line in rest[:1]]
+    """Draw alarms, then warnings, then the trial window and the last mark; at most :data:`MAX_NOTICES` lines.
+
+    Where there are many, each alarm has one line: none hides another.
+    """
+    wrapped = [_alarm_lines(alarm, look, width) for alarm in state.alarms]
+    crowded = sum(map(len, wrapped)) > MAX_NOTICES
+    if crowded:
+        wrapped = [_alarm_lines(alarm, look, 500) for alarm in state.alarms]
+    lines: Lines = [line for alarm in wrapped for line in alarm]
+    if len(lines) > MAX_NOTICES:
+        others = ", ".join(alarm.kind for alarm in state.alarms[MAX_NOTICES - 1 :])
+        return [*lines[: MAX_NOTICES - 1], look.text(f"ALARM also: {others}", "bad")]
     told = list(state.warnings)
     if state.recording.problem and state.recording.problem not in told:
         told.append(state.recording.problem)
@@ -60,6 +65,14 @@ def notice_lines(state: TrialState, look: Look, width: int) -> Lines:
         mark = state.marks[-1]
         lines.append(look.text(f"at {mark.time_s:.1f} s: {mark.text}", "quiet"))
     return lines[:MAX_NOTICES]
+
+
+def _alarm_lines(alarm: Alarm, look: Look, width: int) -> Lines:
+    head = f"ALARM {alarm.kind}:"
+    first, *rest = textwrap.wrap(look.words(f"{head} {alarm.sentence}"), max(20, width - 1), subsequent_indent="  ")
+    line = look.text(first)
+    line.stylize(look.styles["bad"], 0, len(head))
+    return [line, *(look.text(more) for more in rest[:1])]
 
 
 def bottom_line(view: View, n_objects: int, finished: bool, waits: bool = False) -> Text:

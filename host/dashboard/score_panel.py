@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import textwrap
+
 from rich.text import Text
 
 from analysis.uncertainty import MIN_STEPS
 from host.big_digits import big_text
 from host.dashboard.boxes import Lines, beside, block, framed
-from host.dashboard.drift_path import path_plot
-from host.dashboard.look import Look
+from host.dashboard.drift_path import cumulative_deg, path_plot
+from host.dashboard.look import Look, Part
 from host.trial_state import TrialState
 
 HEIGHT = 5
-TEXT_WIDTH = 50
+TEXT_WIDTH, ASCII_TEXT_WIDTH = 44, 48
 """Room that the sentences want beside the figures."""
-
-MAX_PATH = 28
+MIN_PATH, MAX_PATH = 7, 28
 """Width of the small drift path, cells."""
 
 
@@ -38,32 +39,46 @@ def score_panel(state: TrialState, look: Look, width: int, small_path: bool) -> 
     digits = [Text(line, look.styles[meaning], end="") for line in big_text(f"{number}°", look.ascii_only)]
     digits_width = max(digit.cell_len for digit in digits) + 3
     inner = width - 4
-    words = [_kind(state, look), _interval(state, look), _progress(state, look)]
-    words_width = inner - digits_width
+    room = inner - digits_width
+    path_width = min(MAX_PATH, room - (ASCII_TEXT_WIDTH if look.ascii_only else TEXT_WIDTH) - 1)
+    refused = state.finished and state.theta_bar_deg is None  # then the reason needs the room
+    path = cumulative_deg(state) if small_path and path_width >= MIN_PATH and not refused else []
     parts = [block(digits, digits_width, 3, look)]
-    path_width = min(MAX_PATH, words_width - TEXT_WIDTH)
-    if small_path and path_width >= 7:
-        parts += [block(words, words_width - path_width, 3, look), path_plot(state, look, path_width, 3, labels=False)]
+    net = ""
+    if len(path) > 1:
+        room -= path_width + 1
+        parts += [block(_words(state, look, room), room + 1, 3, look)]
+        parts += [path_plot(state, look, path_width, 3, labels=False)]
+        net = f"since the start {path[-1][1]:.1f}°"
     else:
-        parts.append(block(words, words_width, 3, look))
-    name = state.sensor.name or "sensorized object"
-    return framed(beside(*parts), f"{state.title} · {name}", width, HEIGHT, look, "accent")
+        parts.append(block(_words(state, look, room), room, 3, look))
+    name = " · ".join(part for part in (state.title, state.sensor.name or "sensorized object") if part)
+    return framed(beside(*parts), name, width, HEIGHT, look, "accent", net)
 
 
-def _kind(state: TrialState, look: Look) -> Text:
-    if state.finished:
-        return look.join(("rotation drift θ̄ per cycle: the result", "strong"))
-    return look.join(("rotation drift θ̄ so far, per cycle", "strong"))
+def _words(state: TrialState, look: Look, width: int) -> Lines:
+    """Write the three lines beside the figures."""
+    if not state.finished:
+        return [
+            look.text("rotation drift θ̄ per cycle, so far", "strong"),
+            _interval(state, look),
+            _progress(state, look, width),
+        ]
+    if state.theta_bar_deg is None:
+        why = textwrap.wrap(look.words(state.summary.removeprefix("no score: ")), max(20, width))
+        if len(why) > 2:
+            why[1] = look.words(f"{why[1][: width - 1]}…")
+        return [look.text("the result: no score", "strong"), *(look.text(line, "doubtful") for line in why[:2])]
+    title = look.text(f"the result: rotation drift θ̄ of {_cycles(state)}", "strong")
+    return [title, _interval(state, look), look.text(state.summary)]
 
 
 def _interval(state: TrialState, look: Look) -> Text:
-    if state.finished and state.summary:
-        return look.text(state.summary)
     if state.interval_deg is None:
-        return look.join((f"95 % interval: {missing(state) or 'none'}", "quiet"))
+        return look.text(f"95 % interval: {missing(state) or 'none'}", "quiet")
     low, high = state.interval_deg
     half = "" if state.half_width_deg is None else f" (±{state.half_width_deg:.2f}°)"
-    return look.join(f"95 % interval {low:.2f}° to {high:.2f}°{half}")
+    return look.text(f"95 % interval {low:.2f}° to {high:.2f}°{half}")
 
 
 def missing(state: TrialState) -> str:
@@ -79,16 +94,20 @@ def missing(state: TrialState) -> str:
     return ""
 
 
-def _progress(state: TrialState, look: Look) -> Text:
+def _cycles(state: TrialState) -> str:
+    target = "" if state.target_cycles is None or state.finished else f" of {state.target_cycles}"
+    return f"{state.n_cycles}{target} cycle{'' if state.n_cycles == 1 and not target else 's'}"
+
+
+def _progress(state: TrialState, look: Look, width: int) -> Text:
     minutes, seconds = divmod(int(state.elapsed_s), 60)
-    target = "" if state.target_cycles is None else f" of {state.target_cycles}"
-    plural = "" if state.n_cycles == 1 and not target else "s"
     until = "" if state.target_s is None else f" of {state.target_s:.0f} s"
-    line = look.join(f"{state.n_cycles}{target} cycle{plural} · {minutes:02d}:{seconds:02d}{until}")
-    words = "" if state.finished or state.interval_deg is None else missing(state)
-    if words:
-        line.append_text(look.join((f" · {words}", "strong")))
+    wanted = "" if state.interval_deg is None else missing(state)
     left_out = sum(1 for row in state.cycles if row.excluded and row.number)
-    if left_out:
-        line.append_text(look.join((f" · {left_out} left out", "doubtful")))
-    return line
+    parts: list[Part] = [
+        _cycles(state),
+        (wanted, "strong"),
+        (f"{left_out} left out" if left_out else "", "doubtful"),
+        f"{minutes:02d}:{seconds:02d}{until}",
+    ]
+    return look.listed(parts, width)

@@ -1,35 +1,41 @@
-"""Motion, sensor, link, losses and recording: one line each."""
+"""Motion, sensor, link, clock, losses and recording: one line each.
+
+Where a line has no room for all its parts, the least important are left out rather than cut.
+"""
 
 from __future__ import annotations
 
+from rich.cells import cell_len
+
 from host.dashboard.boxes import Lines, framed
-from host.dashboard.look import Look
+from host.dashboard.look import Look, Part
 from host.trial_state import TrialState
 
-HEIGHT = 7
+HEIGHT = 8
 RATE_TOLERANCE = 0.05
 """Relative difference from the expected rate that is marked."""
 LOSS_LIMIT = 0.01
 """Share of missing samples that is marked as bad."""
 SILENCE_S = 1.0
-
-Part = str | tuple[str, str]
+NAME_WIDTH = 10
 
 
 def status_panel(state: TrialState, look: Look, width: int) -> Lines:
     """Draw the panel; its height is :data:`HEIGHT`."""
+    room = max(10, width - 4 - NAME_WIDTH)
     rows = (
         ("motion", _motion(state, look)),
         ("sensor", _sensor(state)),
         ("link", _link(state)),
+        ("clock", _clock(state)),
         ("losses", _losses(state)),
-        ("recording", _recording(state)),
+        ("recording", _recording(state, room)),
     )
-    lines = [look.join((f"{name:11}", "quiet")).append_text(look.listed(parts)) for name, parts in rows]
+    lines = [look.join((f"{name:{NAME_WIDTH}}", "quiet")).append_text(look.listed(parts, room)) for name, parts in rows]
     return framed(lines, "", width, HEIGHT, look)
 
 
-def phase_bar(share: float, look: Look, width: int = 8) -> str:
+def phase_bar(share: float, look: Look, width: int = 6) -> str:
     """Draw how much of a cycle is done, 0-1, in a few cells."""
     done = min(width, max(0, int(share * width)))
     full, empty = ("=", ".") if look.ascii_only else ("▪", "·")
@@ -38,15 +44,15 @@ def phase_bar(share: float, look: Look, width: int = 8) -> str:
 
 def _motion(state: TrialState, look: Look) -> list[Part]:
     motion = state.motion
-    parts: list[Part] = [motion.phase]
+    of_period = "" if motion.period_s is None else f" of {_short(motion.period_s)} s"
     if motion.cycle_phase is not None:
-        parts.append(f"cycle {phase_bar(motion.cycle_phase, look)}")
-    if motion.period_s is not None:
-        parts.append(f"period {motion.period_s:.2f} s")
-    if motion.swing_deg is not None:
-        parts.append(f"swing {motion.swing_deg:.1f}°")
+        parts: list[Part] = [f"{motion.phase} {phase_bar(motion.cycle_phase, look)}{of_period}"]
+    else:
+        parts = [motion.phase, of_period and f"period{of_period.removeprefix(' of')}"]
     if motion.flags:
         parts.append((", ".join(motion.flags), "doubtful"))
+    if motion.swing_deg is not None:
+        parts.append(f"swing {_short(motion.swing_deg, 1)}°")
     if state.sensor.orientation_wxyz is not None:
         parts.append(("q " + " ".join(f"{part:+.2f}" for part in state.sensor.orientation_wxyz), "quiet"))
     return parts
@@ -54,21 +60,23 @@ def _motion(state: TrialState, look: Look) -> list[Part]:
 
 def _sensor(state: TrialState) -> list[Part]:
     sensor = state.sensor
-    parts: list[Part] = ["no data" if sensor.still is None else "still" if sensor.still else "moving"]
+    if sensor.still is None:
+        return ["no data yet"]
+    parts: list[Part] = ["still" if sensor.still else "moving"]
     if sensor.saturated:
         parts.append(("SATURATED", "bad"))
     if sensor.temperature_c is not None:
-        parts.append(f"{sensor.temperature_c:.1f} °C")
+        parts.append(f"{sensor.temperature_c:.0f} °C")
     if sensor.battery_v is not None:
-        parts.append(f"{sensor.battery_v:.2f} V")
+        parts.append(f"{sensor.battery_v:.1f} V")
     if sensor.heading_deg_per_min is not None:
         parts.append(f"drifts {sensor.heading_deg_per_min:.2g}°/min")
         if sensor.floor_deg is not None:
             parts.append(f"floor {sensor.floor_deg:.2g}° per cycle")
-    elif sensor.still is not None:
-        parts.append(("floor unknown: no baseline", "quiet"))
+    else:
+        parts.append(("no baseline: floor unknown", "quiet"))
     if sensor.calibrated is False:
-        parts.append(("not calibrated", "doubtful"))
+        parts.append(("uncalibrated", "doubtful"))
     return parts
 
 
@@ -86,51 +94,85 @@ def _link(state: TrialState) -> list[Part]:
         parts.append(("DISCONNECTED", "bad"))
     elif link.silent_s > SILENCE_S:
         parts.append((f"silent for {link.silent_s:.0f} s", "bad"))
+    if link.overflow_chunks:
+        parts.append((f"{link.overflow_chunks} chunks not taken in time", "bad"))
+    parts.append((_counted(link.reconnects, "reconnect"), "doubtful" if link.reconnects else "quiet"))
     if link.segments > 1:
-        parts.append((_counted(link.segments - 1, "reset"), "doubtful"))
-    if link.reconnects:
-        parts.append((_counted(link.reconnects, "reconnect"), "doubtful"))
+        n = link.segments - 1
+        parts.append((link.segment_reason if n == 1 else _counted(n, "reset"), "doubtful"))
     if link.one_way:
         parts.append(("does not answer", "doubtful"))
-    if link.skew_ppm is not None:
-        parts.append(f"clock {link.skew_ppm:+.1f} ppm")
-    if link.jitter_p99_ms is not None:
-        parts.append(f"jitter p99 {link.jitter_p99_ms:.2f} ms")
     parts.append((link.name, "quiet"))
+    return parts
+
+
+def _clock(state: TrialState) -> list[Part]:
+    """Say how the object's clock runs against the host's, and how unevenly the link delivers."""
+    link = state.link
+    if link.jitter_p99_ms is None:
+        return ["no data yet"]
+    parts: list[Part] = [("warming up", "quiet") if link.skew_ppm is None else f"skew {link.skew_ppm:+.1f} ppm"]
+    middle = "" if link.jitter_p50_ms is None else f"p50 {link.jitter_p50_ms:.2f}, "
+    parts.append(f"jitter {middle}p99 {link.jitter_p99_ms:.2f} ms")
+    if link.offset_interval_ns is None:
+        parts.append(("offset unknown", "quiet"))
+    else:
+        low_ns, high_ns = link.offset_interval_ns
+        parts.append(f"offset ±{0.5e-6 * abs(high_ns - low_ns):.2f} ms")
+    if link.skew_ppm is not None and link.clock_warm_up_s is not None:
+        parts.append((f"warm after {link.clock_warm_up_s:.0f} s", "quiet"))
     return parts
 
 
 def _losses(state: TrialState) -> list[Part]:
     losses, link = state.link.losses, state.link
+    if not losses.produced:
+        return ["no data yet"]
     parts: list[Part] = []
     if losses.missing:
-        meaning = "bad" if losses.share > LOSS_LIMIT else "doubtful"
         parts.append(
             (
-                f"{losses.lost} lost, {losses.rejected} damaged, {losses.dropped} dropped by the object: "
-                f"{100 * losses.share:.2f} %",
-                meaning,
+                f"{100 * losses.share:.2f} % missing: {losses.lost} lost, {losses.rejected} damaged, "
+                f"{losses.dropped} dropped by the object",
+                "bad" if losses.share > LOSS_LIMIT else "doubtful",
             )
         )
     else:
         parts.append((f"none of {losses.produced} samples", "good"))
-    if link.crc_errors or link.malformed:
-        parts.append((f"{_counted(link.crc_errors, 'CRC error')}, {link.malformed} malformed", "doubtful"))
-    if link.overflow_chunks:
-        parts.append((f"{link.overflow_chunks} chunks not taken in time", "bad"))
+    parts.append((_counted(link.crc_errors, "CRC error"), "doubtful" if link.crc_errors else "quiet"))
+    if link.malformed:
+        parts.append((f"{link.malformed} malformed", "doubtful"))
     return parts
 
 
-def _recording(state: TrialState) -> list[Part]:
+def _recording(state: TrialState, room: int) -> list[Part]:
     recording = state.recording
     if recording.problem:
         return [(recording.problem, "bad")]
     parts: list[Part] = [f"{recording.n_bytes / 1e6:.1f} MB"]
+    used = len("9999.9 MB")
     if recording.free_bytes is not None:
         low = recording.free_bytes < 1e9
-        parts.append((f"{recording.free_bytes / 1e9:.1f} GB free", "bad" if low else "plain"))
-    parts.append((recording.path, "quiet"))
+        free = f"{recording.free_bytes / 1e9:.1f} GB free"
+        parts.append((free, "bad" if low else "plain"))
+        used += 3 + len(free)
+    parts.append((_path_end(recording.path, max(12, room - used - 3)), "quiet"))
     return parts
+
+
+def _path_end(path: str, width: int) -> str:
+    """Shorten a path at its begin: what tells recordings apart is the end."""
+    if cell_len(path) <= width:
+        return path
+    while path and cell_len(path) > width - 1:
+        path = path[1:]
+    return f"…{path}"
+
+
+def _short(value: float, places: int = 2) -> str:
+    """Write a number so that it keeps its width from 1 to 999."""
+    whole = len(str(int(abs(value))))
+    return f"{value:.{max(0, places + 1 - whole)}f}"
 
 
 def _counted(n: int, what: str) -> str:

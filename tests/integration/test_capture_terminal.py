@@ -35,7 +35,7 @@ def result_of(recording):
 def test_the_demonstration_shows_the_drift_grow_and_gives_the_terminal_back(tmp_path):
     terminal = Terminal(["demo", "--scenario", quick_scenario(tmp_path), "--cycles", 5], tmp_path)
     early = terminal.wait_for("2 of 5 cycles")
-    assert "rotation drift θ̄ so far" in early
+    assert "rotation drift θ̄ per cycle, so far" in early
     assert "virtual cube" in early
     assert "Hz of 200" in early
     assert "none of" in early
@@ -126,7 +126,7 @@ def test_ctrl_z_steps_aside_and_the_capture_goes_on(tmp_path, virtual):
     size = recording.stat().st_size
     wait_for(lambda: recording.stat().st_size > size + 20_000, 10, "a growing recording")
     terminal.press(" ")
-    terminal.wait_for("rotation drift θ̄ so far")
+    terminal.wait_for("rotation drift θ̄ per cycle, so far")
     terminal.process.kill(signal.SIGTERM)
     assert terminal.finish() == 0
     assert terminal.modes() == terminal.modes_before

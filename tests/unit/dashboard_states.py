@@ -83,21 +83,52 @@ RUNNING = TrialState(
         segments=1,
         skew_ppm=12.3,
         jitter_p99_ms=0.31,
+        jitter_p50_ms=0.04,
+        offset_interval_ns=(8.9994e12, 8.999401e12),
+        clock_warm_up_s=17.2,
     ),
     recording=RecordingView("rotdrift-trials/a.mcap", 1_500_000, None, 10**10),
     marks=(OperatorMark(31.0, "marker 1"),),
 )
 ALARM = replace(
     RUNNING,
-    link=replace(RUNNING.link, losses=LossReport(6100, 5978, 100, 20, 2), crc_errors=20, rate_hz=92.0, segments=2),
+    link=replace(
+        RUNNING.link,
+        losses=LossReport(6100, 5978, 100, 20, 2),
+        crc_errors=20,
+        rate_hz=92.0,
+        segments=2,
+        segment_reason="the object was reset",
+        reconnects=1,
+        skew_ppm=None,
+    ),
     sensor=replace(RUNNING.sensor, saturated=True),
     motion=replace(RUNNING.motion, flags=("axis ambiguous",)),
     window=WindowView(5.0, None),
     warnings=("the link was lost and is open again; nothing came for 1.2 s",),
     alarms=(
-        Alarm("reorientation", "cycle 11 turned it by 8.1°: dropped or regrasped? x leaves it out"),
-        Alarm("losses", "2.0 % of the last samples are missing: check cable, distance and rate"),
+        Alarm("reorientation", "cycle 11 moved it 8.1°: dropped, regrasped? (x: exclude)"),
+        Alarm("losses", "2.0 % of the last samples are missing: check cable and distance"),
     ),
+)
+FLOOR = Alarm("floor", "θ̄ is below the sensor's floor of 0.95°, no drift at all looks the same; more cycles help")
+CROWDED = replace(
+    ALARM,
+    alarms=(
+        Alarm("link", "nothing has come for 3 s: check the object's battery and cable"),
+        *ALARM.alarms,
+        Alarm("axis", "it turns about no single axis: cycles may end at the wrong moment"),
+        FLOOR,
+    ),
+    link=replace(ALARM.link, connected=False),
+)
+BELOW_FLOOR = replace(RUNNING, alarms=(FLOOR,), target_half_width_deg=None, target_cycles=None)
+REFUSED = replace(
+    RUNNING,
+    finished=True,
+    theta_bar_deg=None,
+    interval_deg=None,
+    summary="no score: the motion does not repeat (confidence 0.11): it is not one rotation back and forth",
 )
 GUIDED = replace(RUNNING, guide=GuideView(3, 5, "let it turn", "10 of 20 cycles", 0.5))
 FINISHED = replace(
@@ -116,18 +147,22 @@ SNAPSHOTS = {
     "running-80x24": ((RUNNING,), View(), 80, 24, False),
     "running-80x24-colour": ((RUNNING,), View(), 80, 24, True),
     "running-80x24-light": ((RUNNING,), View(look=Look(light=True)), 80, 24, True),
+    "running-100x30": ((RUNNING,), View(), 100, 30, False),
     "running-120x36": ((RUNNING,), View(), 120, 36, False),
     "running-200x60": ((RUNNING,), View(), 200, 60, False),
     "running-80x24-ascii": ((RUNNING,), View(look=Look(ascii_only=True)), 80, 24, False),
     "running-120x36-ascii": ((RUNNING,), View(look=Look(ascii_only=True)), 120, 36, False),
     "alarm-80x24": ((ALARM,), View(), 80, 24, False),
     "alarm-200x60": ((ALARM,), View(), 200, 60, False),
+    "alarms-many-80x24": ((CROWDED,), View(), 80, 24, False),
+    "below-floor-80x24": ((BELOW_FLOOR,), View(), 80, 24, False),
     "two-objects-80x24": ((RUNNING, SECOND), View(focus=1), 80, 24, False),
     "two-objects-120x36": ((RUNNING, SECOND), View(), 120, 36, False),
     "guide-80x24": ((GUIDED,), View(), 80, 24, False),
     "prompt-80x24": ((RUNNING,), View(prompt="leave out cycle 11, because", typed="it slip"), 80, 24, False),
     "help-80x24": ((RUNNING,), View(help_open=True, paused=True), 80, 24, False),
     "finished-80x24": ((FINISHED,), View(), 80, 24, False),
+    "refused-80x24": ((REFUSED,), View(), 80, 24, False),
 }
 """Name -> states, view, width, height, with colour."""
 

@@ -64,7 +64,7 @@ def test_what_matters_is_there_without_colour():
         "2 lost",
         "2.00 %",
         "1.5 MB",
-        "31.2 °C",
+        "31 °C",
         "0.800",
         "4.000 s",
     ):
@@ -90,13 +90,13 @@ def test_waiting_and_finished_are_told_apart():
 def test_troubles_are_words_not_only_colours():
     text = plain(
         TrialState(
-            link=LinkView(connected=False, overflow_chunks=3, one_way=True, segments=2),
+            link=LinkView(connected=False, overflow_chunks=3, segments=3, reconnects=1),
             recording=RecordingView("a", 0, "the disk is full; 1.0 MB are kept in memory until it can be written"),
             sensor=SensorView(still=True, saturated=True),
             warnings=("something \x07happened",),
         )
     )
-    for part in ("DISCONNECTED", "3 chunks", "1 reset", "disk is full", "SATURATED", "! something"):
+    for part in ("DISCONNECTED", "3 chunks", "1 reconnect", "disk is full", "SATURATED", "! something"):
         assert part in text, part
 
 
