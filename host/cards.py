@@ -18,7 +18,7 @@ import msgspec
 import tomli_w
 from msgspec import Meta
 
-from host.errors import FileError
+from host.errors import FileError, unreadable
 from host.plain_text import plain
 
 MAX_CARD_BYTES = 1_000_000
@@ -203,7 +203,7 @@ def load_cards(path: Path) -> Cards:
         with path.open("rb") as file:
             data = file.read(MAX_CARD_BYTES + 1)
     except OSError as error:
-        raise FileError(f"the card {path} cannot be read ({(error.strerror or str(error)).lower()})") from error
+        raise unreadable(path, error) from error
     if len(data) > MAX_CARD_BYTES:
         raise FileError(f"the card {path} is larger than {MAX_CARD_BYTES} bytes", "give a TOML card")
     try:

@@ -13,7 +13,7 @@ from analysis.reporting.errors import BundleError
 from analysis.reporting.result_view import ResultView
 from analysis.reporting.summary import TrialFigure
 from analysis.trial_score import RESULT_FORMAT
-from host.errors import FileError, UsageError
+from host.errors import FileError, UsageError, unreadable
 from host.plain_text import plain
 from host.submission_format import CARD, CONVENTIONS, SCORE_VERSION, Submission, parse_submission
 from host.verification import read_folder
@@ -54,10 +54,8 @@ def _load(path: Path) -> ComparedSource:
         if path.stat().st_size > MAX_RESULT_BYTES:
             raise FileError(f"{path} is too large for a result", "give what `rotdrift score --json` printed")
         return _from_result(path.stem, json.loads(path.read_bytes()))
-    except FileNotFoundError as error:
-        raise FileError(f"there is no file {path}", "check the path") from error
     except OSError as error:
-        raise FileError(f"{path} cannot be read ({(error.strerror or str(error)).lower()})") from error
+        raise unreadable(path, error) from error
     except (BundleError, ValueError, TypeError, KeyError, RecursionError) as error:
         raise FileError(
             f"{path} is neither a submission nor a result ({plain(error)})",

@@ -16,6 +16,7 @@ The number is the exit code of the command. Driver errors are translated once, i
 
 from __future__ import annotations
 
+import errno
 from typing import ClassVar
 
 
@@ -81,3 +82,26 @@ class FileError(HostError):
     """A file that is missing, is not what it should be, exists already or cannot be written."""
 
     exit_code = 4
+
+
+def unreadable(path: object, error: OSError) -> FileError:
+    """Say why the system does not let a file be read, and what to do about it."""
+    if isinstance(error, FileNotFoundError):
+        return FileError(f"there is no file {path}", "check the path")
+    if isinstance(error, IsADirectoryError):
+        return FileError(f"{path} is a folder", "give a file in it")
+    mend = "take the right to read it" if isinstance(error, PermissionError) else "look at the disk it is on"
+    return FileError(f"{path} cannot be read ({_reason(error)})", mend)
+
+
+def unwritable(path: object, error: OSError) -> FileError:
+    """Say why the system does not let a file be written, and what to do about it."""
+    mend = "make room there, or give another place" if error.errno in _FULL else "give another place"
+    return FileError(f"{path} cannot be written ({_reason(error)})", mend)
+
+
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()

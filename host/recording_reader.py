@@ -25,7 +25,7 @@ from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from host import recording_format as fmt
-from host.errors import FileError
+from host.errors import FileError, unreadable
 from host.record_runs import MessageRun, RecordRuns
 from host.transports.chunks import AnyChunk
 
@@ -174,10 +174,8 @@ class RecordingReader:
     def _open(self) -> IO[bytes]:
         try:
             file = self.path.open("rb")
-        except FileNotFoundError as error:
-            raise FileError(f"there is no file {self.path}", "check the path") from error
         except OSError as error:
-            raise FileError(f"{self.path} cannot be read ({(error.strerror or str(error)).lower()})") from error
+            raise unreadable(self.path, error) from error
         magic = file.read(len(MCAP0_MAGIC))
         if magic != MCAP0_MAGIC:
             file.close()

@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 
 from host import recording_format as fmt
-from host.errors import FileError
+from host.errors import FileError, unreadable
 from host.recording_reader import RecordingHeader, parse_header
 from host.ros_message import CDR_LITTLE_ENDIAN
 from host.transports.chunks import AnyChunk
@@ -65,10 +65,8 @@ def salvage(path: Path) -> tuple[RecordingHeader | None, Iterator[SalvagedMessag
         if size > MAX_FILE_BYTES:
             raise FileError(f"{path} is too long to be searched ({size / 2**30:.0f} GiB)", "cut it with an MCAP tool")
         data = path.read_bytes()
-    except FileNotFoundError as error:
-        raise FileError(f"there is no file {path}", "check the path") from error
     except OSError as error:
-        raise FileError(f"{path} cannot be read ({(error.strerror or str(error)).lower()})") from error
+        raise unreadable(path, error) from error
     return _find_header(data), _find_messages(data)
 
 

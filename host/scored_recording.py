@@ -11,7 +11,7 @@ from analysis.readers import read_series
 from analysis.series import AnalysisError, OrientationSeries, SeriesError
 from analysis.trial_score import TrialScore
 from firmware_protocol.packets import Info
-from host.errors import FileError, UsageError
+from host.errors import FileError, UsageError, unreadable
 from host.recorded_trial import RecordedTrial, load_trial
 from host.recording_reader import is_our_recording
 from host.result import ScoreOptions, score_plain, score_trial
@@ -72,10 +72,8 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
 
             return _named(load_can_log(path, reading.node), path)
         series = read_series(path, columns=reading.columns, rate_hz=reading.rate_hz, topic=reading.topic)
-    except FileNotFoundError as error:
-        raise FileError(f"there is no file {path}", "check the path") from error
     except OSError as error:
-        raise FileError(f"{path} cannot be read ({(error.strerror or str(error)).lower()})") from error
+        raise unreadable(path, error) from error
     except AnalysisError as error:
         raise FileError(str(error)) from error
     return replace(series, source=path.name), None

@@ -15,7 +15,7 @@ import msgspec
 from analysis.endpoint_choice import EndpointChoice
 from analysis.series import AnalysisError
 from host.cards import Cards, dump_cards, parse_cards
-from host.errors import FileError, UsageError
+from host.errors import FileError, UsageError, unreadable
 from host.plain_text import plain
 from host.result import ScoreOptions
 from host.scored_recording import ReadOptions
@@ -109,10 +109,8 @@ def load_source(recording: Path, cards: Cards, choices: Choices, baseline: Path 
             raise UsageError(f"{recording} is larger than {MAX_RAW_BYTES // 2**20} MB", "cut it to the trial")
         data = recording.read_bytes()
         rest = None if baseline is None else baseline.read_bytes()
-    except FileNotFoundError as error:
-        raise FileError(f"there is no file {error.filename}", "check the path") from error
     except OSError as error:
-        raise FileError(f"{error.filename} cannot be read ({(error.strerror or str(error)).lower()})") from error
+        raise unreadable(error.filename, error) from error
     return TrialSource(safe_name(recording.name), data, cards, choices, rest)
 
 

@@ -83,12 +83,14 @@ def read_series(
 def _raw_samples(path: Path, spec: ColumnSpec | None, topic: str | None) -> RawSamples:
     if path.is_dir():
         if not is_bag(path, b""):
-            raise ReaderError(f"{plain(path.name, 80)} is a folder, and no ROS 2 bag (it has no metadata.yaml)")
+            raise ReaderError(
+                f"{plain(path.name, 80)} is a folder without metadata.yaml, so no ROS 2 bag: give a file in it"
+            )
         return read_ros_bag(path, topic)
     with path.open("rb") as file:
         start = file.read(16)
     if not start:
-        raise ReaderError(f"{plain(path.name, 80)} is empty")
+        raise ReaderError(f"{plain(path.name, 80)} is empty: record again, or give another file")
     if is_bag(path, start):
         return read_ros_bag(path, topic)
     if start.startswith(PARQUET_MAGIC):
@@ -111,7 +113,7 @@ def _text_samples(path: Path, lines: list[str], spec: ColumnSpec | None) -> RawS
     if guessed is not None:
         return read_named(path, lines, guessed, declared=False)
     if not lines:
-        raise ReaderError(f"{plain(path.name, 80)} is empty")
+        raise ReaderError(f"{plain(path.name, 80)} is empty: record again, or give another file")
     first = lines[0]
     what = "columns without names" if is_numeric_row(first.split(",")) else f"it starts with '{plain(first)}'"
     raise ReaderError(

@@ -114,7 +114,7 @@ def read_named(path: Path, lines: list[str], spec: ColumnSpec, *, declared: bool
         No such column, or a cell that is no number.
     """
     if not lines:
-        raise ReaderError(f"{plain(path.name, 80)} is empty")
+        raise ReaderError(f"{plain(path.name, 80)} is empty: record again, or give another file")
     delimiter = delimiter_of(lines)
     first = split_header(lines[0], delimiter)
     header = () if is_numeric_row(first) else first

@@ -83,13 +83,13 @@ def head_lines(path: Path, limit: int = 20) -> list[str]:
     with path.open("rb") as file:
         start = file.read(4 * MAX_LINE_BYTES)
     if b"\0" in start:
-        raise ReaderError(f"{plain(path.name, 80)} is not a text file, nor a binary format known here")
+        raise ReaderError(f"{plain(path.name, 80)} is not text, nor a binary format known here: save it as CSV")
     lines = start.removeprefix(codecs.BOM_UTF8).split(b"\n")
     if len(start) == 4 * MAX_LINE_BYTES:
         lines.pop()  # cut off in the middle
     found = [line.decode("utf-8", "replace").strip("\r\n") for line in lines if line.strip()][:limit]
     if start and not start.strip():
-        raise ReaderError(f"{plain(path.name, 80)} has no lines of text")
+        raise ReaderError(f"{plain(path.name, 80)} has no lines of text: record again, or give another file")
     if any(len(line) > MAX_LINE_BYTES for line in found) or (start and not found):
         raise ReaderError(f"{plain(path.name, 80)} has lines of over {MAX_LINE_BYTES} bytes; it is no table of numbers")
     return found
@@ -150,7 +150,7 @@ def read_table(path: Path, layout: Layout) -> FloatArray:
     except (ValueError, UnicodeDecodeError, IndexError) as error:
         raise _first_fault(path, layout, str(error)) from error
     if len(table) == 0:
-        raise ReaderError(f"{plain(path.name, 80)} has no data rows")
+        raise ReaderError(f"{plain(path.name, 80)} has no data rows: record again, or give another file")
     if not np.isfinite(table).all():
         raise _first_fault(path, layout, "a number is not finite")
     return table

@@ -66,7 +66,9 @@ def read_parquet(path: Path, spec: ColumnSpec | None) -> RawSamples:
     bad = ~np.isfinite(values)
     if bad.any():
         row, place = (int(k) for k in np.argwhere(bad)[0])
-        raise ReaderError(f"{plain(path.name, 80)} row {row}: no number in column {plain(wanted[place])}")
+        raise ReaderError(
+            f"{plain(path.name, 80)} row {row}: no number in column {plain(wanted[place])}; mend or remove that row"
+        )
     if len(values) == 0:
-        raise ReaderError(f"{plain(path.name, 80)} has no data rows")
+        raise ReaderError(f"{plain(path.name, 80)} has no data rows: record again, or give another file")
     return samples_of(values, spec, str(path), declared=declared)

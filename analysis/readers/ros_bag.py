@@ -123,8 +123,12 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
         raise ReaderError(f"{plain(path.name, 80)} cannot be read as a bag: {plain(str(error), 160)}") from error
     except Exception as error:
         # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through.
-        if isinstance(error, _DAMAGE) or type(error).__module__.split(".")[0] in _LIBRARIES:
-            raise ReaderError(f"{plain(path.name, 80)} is damaged: {plain(str(error), 160)}") from error
+        said_by_library = type(error).__module__.split(".")[0] in _LIBRARIES
+        if said_by_library or isinstance(error, _DAMAGE):
+            what = f" ({plain(str(error), 160)})" if said_by_library else ""  # Python's own words would explain nothing
+            raise ReaderError(
+                f"{plain(path.name, 80)} is damaged or cut off{what}: copy it anew, or recover it with an MCAP or ROS tool"
+            ) from error
         raise
 
 
@@ -136,7 +140,9 @@ def _choose(topics: dict[str, str | None], topic: str | None, path: Path) -> tup
             raise ReaderError(f"no orientations on topic '{plain(topic)}'; topics that have them: {listed}")
         return topic, str(usable[topic])
     if not usable:
-        raise ReaderError(f"{plain(path.name, 80)} has no topic with orientations ({', '.join(sorted(TYPES))})")
+        raise ReaderError(
+            f"{plain(path.name, 80)} has no topic with orientations: record one of {', '.join(sorted(TYPES))}"
+        )
     if len(usable) > 1:
         raise ReaderError(f"several topics have orientations; choose with --topic: {listed}")
     (name, kind), *_ = usable.items()

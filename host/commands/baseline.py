@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     from analysis.baseline import measure_baseline
     from analysis.baseline_file import save_baseline
     from analysis.series import BaselineError
-    from host.errors import FileError, HostError
+    from host.errors import FileError, HostError, unwritable
 
     if args.out is not None and args.out.exists():
         raise FileError(f"{args.out} exists already", "give another name with --out, or move it away")
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             save_baseline(baseline, args.out)
         except OSError as error:
-            raise FileError(f"{args.out} cannot be written ({(error.strerror or str(error)).lower()})") from error
+            raise unwritable(args.out, error) from error
         if not args.json:
             sys.stdout.write(f"baseline   {args.out}\n")
     return 0

@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from analysis.reporting.errors import ComparisonError
     from analysis.reporting.summary import summary_markdown
     from host.comparison_sources import load_sources
-    from host.errors import FileError, UsageError
+    from host.errors import FileError, UsageError, unwritable
 
     try:
         comparison = compare(load_sources(args.sources), mix=args.mix)
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
     except OSError as error:
-        raise FileError(f"{args.out} cannot be written ({(error.strerror or str(error)).lower()})") from error
+        raise unwritable(args.out, error) from error
     for note in comparison.notes:
         sys.stderr.write(f"rotdrift: {note}\n")
     what = f"{len(files)} files, begin with index.html" if len(files) > 1 else f"{len(comparison.rows)} rows"

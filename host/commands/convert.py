@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from analysis.writers import FORMATS, write_series
     from analysis.writers.errors import WriterError
-    from host.errors import FileError, UsageError
+    from host.errors import FileError, UsageError, unwritable
     from host.scored_recording import ReadOptions, read_recording, score_recording
 
     kind = args.to or SUFFIXES.get(args.out.suffix.lower())
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     except WriterError as error:
         raise UsageError(str(error)) from error
     except OSError as error:
-        raise FileError(f"{args.out} cannot be written ({(error.strerror or str(error)).lower()})") from error
+        raise unwritable(args.out, error) from error
     for sentence in said:
         sys.stderr.write(f"rotdrift: {sentence}\n")
     sys.stdout.write(f"wrote {args.out}: {len(series)} samples, {FORMATS[kind][0]}\n")

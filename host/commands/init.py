@@ -99,7 +99,7 @@ def _known(folder: Path, tables: tuple[str, ...]) -> Cards:
 
 def _write(folder: Path, cards: Cards, tables: tuple[str, ...]) -> list[Path]:
     from host.cards import Cards, dump_cards
-    from host.errors import FileError
+    from host.errors import unwritable
 
     written = []
     for table in tables:
@@ -109,6 +109,6 @@ def _write(folder: Path, cards: Cards, tables: tuple[str, ...]) -> list[Path]:
             folder.mkdir(parents=True, exist_ok=True)
             path.write_text(text or f"[{table}]\n", encoding="utf-8")
         except OSError as error:
-            raise FileError(f"{path} cannot be written ({(error.strerror or str(error)).lower()})") from error
+            raise unwritable(path, error) from error
         written.append(path)
     return written

@@ -108,7 +108,7 @@ def _refuse_existing(out: Path, *, force: bool) -> None:
 
 def _write(out: Path, built: BuiltSubmission) -> None:
     from analysis.reporting.bundle import MANIFEST, bundle_bytes, manifest_text
-    from host.errors import FileError
+    from host.errors import unwritable
 
     single = {".html": "report.html", ".pdf": "report.pdf"}.get(out.suffix.lower())
     try:
@@ -123,7 +123,7 @@ def _write(out: Path, built: BuiltSubmission) -> None:
                 place.parent.mkdir(parents=True, exist_ok=True)
                 place.write_bytes(content)
     except OSError as error:
-        raise FileError(f"{out} cannot be written ({(error.strerror or str(error)).lower()})") from error
+        raise unwritable(out, error) from error
 
 
 def _tell(out: Path, built: BuiltSubmission) -> None:

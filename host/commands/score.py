@@ -127,7 +127,7 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
     """Draw a trial; a trial without a score shows its motion all the same."""
     from analysis.reporting import figure_style
     from analysis.reporting.figures import summary_figure
-    from host.errors import FileError
+    from host.errors import unwritable
 
     theta_deg = scored.score.theta_bar_deg
     number = "no score" if theta_deg is None else f"θ̄ = {theta_deg:.3f}° per cycle"
@@ -138,7 +138,7 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
         with path.open("xb") as file:
             file.write(content)
     except OSError as error:
-        raise FileError(f"{path} cannot be written ({(error.strerror or str(error)).lower()})") from error
+        raise unwritable(path, error) from error
 
 
 def score_file(path: Path, args: argparse.Namespace) -> ScoredRecording:

@@ -20,7 +20,7 @@ from typing import IO, TextIO
 import can
 
 from firmware_protocol.can_frames import CanFrame, frame_array, iter_frames, pack_frames
-from host.errors import FileError
+from host.errors import FileError, unreadable
 from host.plain_text import plain
 from host.transports.can_bus import received_frame
 from host.transports.can_log_kind import CANDUMP_LINE, can_log_kind
@@ -65,9 +65,11 @@ def read_can_log(path: Path) -> CanLog:
             with path.open(encoding="utf-8", errors="replace", newline="") as file:
                 chunks = tuple(_chunks(_messages(kind, file, damage)))
     except OSError as error:
-        raise FileError(f"{path} cannot be read ({(error.strerror or str(error)).lower()})") from error
+        raise unreadable(path, error) from error
     if not chunks:
-        raise FileError(f"{path} holds no CAN frames" + (f": {damage[0]}" if damage else ""))
+        raise FileError(
+            f"{path} holds no CAN frames", damage[0] if damage else "give a log of a bus with an object on it"
+        )
     return CanLog(kind, chunks, tuple(damage))
 
 

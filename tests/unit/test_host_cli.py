@@ -1,7 +1,9 @@
 """The command itself: light to start, one sentence for every failure, exit codes as agreed."""
 
 import argparse
+import errno
 import json
+import os
 import subprocess
 import sys
 
@@ -9,7 +11,7 @@ import pytest
 
 from host import cli
 from host.commands import COMMANDS
-from host.errors import FileError, LinkError, UsageError
+from host.errors import FileError, LinkError, UsageError, unreadable, unwritable
 from tests.command_line import environment, one_sentence, quick_scenario, rotdrift
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
 
@@ -246,3 +248,35 @@ def test_the_window_of_a_score_can_be_given(run, tmp_path):
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["n_endpoints"] == 5
     assert "holds nothing" in one_sentence(run("score", "trial.mcap", "--from", "900", "--to", "901"), 2)
+
+
+@pytest.mark.parametrize("command", ["score", "replay", "convert", "report", "compare"])
+def test_a_folder_or_nothing_in_place_of_a_file(run, tmp_path, command):
+    (tmp_path / "folder.mcap").mkdir()
+    needed = {"convert": ["out.csv"], "report": ["--out", "x"], "compare": ["--out", "x.csv"]}.get(command, [])
+    for name in ("folder.mcap", "none.mcap"):
+        done = run(command, name, *needed)
+        told = one_sentence(done, 2 if name == "folder.mcap" and command in {"report", "compare"} else 4)
+        assert name in told
+        assert "errno" not in told.lower()
+        assert ": " in told.removeprefix("rotdrift: "), "a mend follows"
+
+
+@pytest.mark.parametrize(
+    ("number", "told"),
+    [
+        (errno.ENOENT, "there is no file x: check the path"),
+        (errno.EISDIR, "x is a folder: give a file in it"),
+        (errno.EACCES, "x cannot be read (permission denied): take the right to read it"),
+        (errno.EIO, "x cannot be read (input/output error): look at the disk it is on"),
+    ],
+)
+def test_what_the_system_refuses_is_a_sentence_with_a_mend(number, told):
+    assert str(unreadable("x", OSError(number, os.strerror(number)))) == told
+
+
+def test_a_full_disk_wants_room():
+    assert "make room" in str(unwritable("x", OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
+    assert (
+        str(unwritable("x", OSError(errno.EROFS, "Read-only"))) == "x cannot be written (read-only): give another place"
+    )

@@ -82,7 +82,7 @@ def test_other_columns_may_hold_anything(tmp_path):
         (b"\n\n", "has no lines of text"),
         (b"hello world\n", "is not a file known here"),
         (b"1,2,3\n4,5,6\n", "columns without names"),
-        (b"\x00\x01\x02" * 100, "is not a text file"),
+        (b"\x00\x01\x02" * 100, "is not text"),
         (b",ts,tx,ty,tz,rx,ry,rz\n", "has no data rows"),
         (b"PAR1nonsense", "not a sound parquet"),
         (b"#ROSBAG V2.0\nnonsense", "a\\.csv"),
@@ -101,7 +101,7 @@ def test_files_that_are_none(tmp_path, content, message):
 
 
 def test_folders_that_are_no_bag(tmp_path):
-    with pytest.raises(ReaderError, match=r"is a folder, and no ROS 2 bag"):
+    with pytest.raises(ReaderError, match=r"so no ROS 2 bag: give a file"):
         read_series(tmp_path)
 
 
