@@ -125,9 +125,10 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
         # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through.
         said_by_library = type(error).__module__.split(".")[0] in _LIBRARIES
         if said_by_library or isinstance(error, _DAMAGE):
-            what = f" ({plain(str(error), 160)})" if said_by_library else ""  # Python's own words would explain nothing
+            what = f" ({plain(str(error), 160)})" if said_by_library else ""  # Python's own words explain nothing
             raise ReaderError(
-                f"{plain(path.name, 80)} is damaged or cut off{what}: copy it anew, or recover it with an MCAP or ROS tool"
+                f"{plain(path.name, 80)} is damaged or cut off{what}: "
+                "copy it anew, or recover it with an MCAP or ROS tool"
             ) from error
         raise
 
