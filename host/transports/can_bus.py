@@ -3,9 +3,10 @@
 What python-can really does, and what follows from it:
 
 - ``Notifier`` ends its thread when a listener raises, so it is not used. ``recv`` is called here, one frame a call.
-- Its SLCAN parser keeps a byte that is no ASCII in its buffer and fails on it for ever: the buffer is flushed. Its
-  socketcand parser keeps a frame it cannot read and fails for ever; and a server that is gone makes ``recv`` return at
-  once, for ever: the bus is opened anew. All of it is counted.
+- Its SLCAN parser keeps a byte that is no ASCII in its buffer and fails on it for ever: our own reading of lines passes
+  over it, and where that cannot be used (Windows) the buffer is flushed. Its socketcand parser keeps a frame it cannot
+  read and fails for ever; and a server that is gone makes ``recv`` return at once, for ever: the bus is opened anew.
+  All of it is counted.
 - ``slcan`` opens where nobody answers; the adapter must say something first.
 - An interface that is down (``ip link set can0 down``) fails each ``recv``; it works again once it is up.
 
@@ -149,7 +150,9 @@ class CanTransport(ClosingTransport):
     def _is_wanted(self, frame: CanFrame) -> bool:
         """Filter what interfaces without filters of their own let through."""
         node = self._settings.node
-        if node is None or frame.flags & FrameFlag.ERROR or frame.arbitration_id & NODE_MASK == node:
+        if frame.flags & FrameFlag.ERROR:
+            return True
+        if not frame.flags & FrameFlag.EXTENDED and (node is None or frame.arbitration_id & NODE_MASK == node):
             return True
         self.health.filtered_frames += 1
         return False
@@ -165,13 +168,13 @@ class CanTransport(ClosingTransport):
     def _recover(self, error: Exception) -> None:
         """Mend what a failed read left behind, or say that the link is lost."""
         interface = self._settings.interface
-        if interface == "slcan" and isinstance(error, ValueError | IndexError):
+        no_text = isinstance(error, UnicodeDecodeError) or isinstance(error.__cause__, UnicodeDecodeError)
+        if interface == "slcan" and (no_text or isinstance(error, ValueError | IndexError)):
             self.health.parser_errors += 1
-            # Bytes that are no ASCII stay in the parser's buffer; of other lines nothing is left.
-            if isinstance(error, UnicodeDecodeError):
-                self.health.flushes += 1
+            # Bytes that are no ASCII stay in the library's own buffer; of other lines nothing is left.
+            if no_text:
                 with contextlib.suppress(*IO_ERRORS):
-                    self._bus.flush()
+                    self.health.flushes += self._bus.pass_over_unreadable()
             return
         if interface == "socketcand":
             self.health.parser_errors += 1

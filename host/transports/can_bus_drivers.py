@@ -29,6 +29,8 @@ DEFAULT_DATA_BITRATE = 2_000_000
 UNTIMED = frozenset({"virtual", "udp_multicast", "socketcan", "socketcand"})
 """Interfaces whose bit rate is set elsewhere."""
 CLASSIC_ONLY = frozenset({"socketcand"})
+DRIVER_FILTERS = frozenset({"socketcan", "etas", "ixxat", "kvaser", "systec", "vector"})
+"""Interfaces whose filters work in the driver, on data frames only."""
 SLCAN_ANSWER_S = 3.0
 """How long an SLCAN adapter may take to say anything: boards that reset when their port is opened need 2 s."""
 OPEN_ERRORS: tuple[type[Exception], ...] = (
@@ -139,8 +141,12 @@ def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries:
 
 
 def bus_filters(settings: CanSettings) -> list[dict[str, Any]] | None:
-    """Return the filters: our 11-bit ids, of one node where it is known; None where they would hide error frames."""
-    if settings.interface == "socketcand":
+    """Return the filters: our 11-bit ids, of one node where it is known; None where they would hide error frames.
+
+    Where python-can itself filters, behind the driver, it drops error frames too, and nothing is gained: there the
+    transport filters.
+    """
+    if settings.interface not in DRIVER_FILTERS:
         return None
     if settings.node is None:
         return [{"can_id": 0, "can_mask": 0, "extended": False}]

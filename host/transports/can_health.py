@@ -11,7 +11,8 @@ _CONTROLLER = 0x004
 _NO_ACKNOWLEDGE = 0x020
 _BUS_OFF = 0x040
 _RESTARTED = 0x100
-_OVERRUN = 0x01 | 0x02
+_RECEIVE_OVERFLOW = 0x01
+_SEND_OVERFLOW = 0x02
 _WARNING = 0x04 | 0x08
 _PASSIVE = 0x10 | 0x20
 _ACTIVE = 0x40
@@ -24,8 +25,12 @@ class BusHealth:
     state: str = "active"
     """``active``, ``warning``, ``passive`` or ``bus-off``, as error frames tell; without them it stays active."""
     error_frames: int = 0
+    unexplained: int = 0
+    """Of these, those of interfaces that do not say what the error was."""
     overruns: int = 0
     """Times the controller lost frames because nobody took them."""
+    unsent: int = 0
+    """Times the controller had no room for a frame to be sent."""
     unacknowledged: int = 0
     """Frames sent that no other node acknowledged."""
     bus_offs: int = 0
@@ -39,7 +44,7 @@ class BusHealth:
     reopens: int = 0
     """How often the bus was opened anew to go on."""
     filtered_frames: int = 0
-    """Data frames of others, left out because the link names a node."""
+    """Data frames with a 29-bit id, or of others where the link names a node: left out."""
     other_nodes: set[int] = field(default_factory=set)
     """Node ids of other objects heard."""
 
@@ -47,6 +52,7 @@ class BusHealth:
         """Take an error frame; only SocketCAN says what the error was."""
         self.error_frames += 1
         if interface != "socketcan":
+            self.unexplained += 1
             return
         kind = frame.arbitration_id & 0x1FFFFFFF
         detail = frame.data[1] if len(frame.data) > 1 else 0
@@ -56,7 +62,8 @@ class BusHealth:
         elif kind & _RESTARTED:
             self.state = "active"
         if kind & _CONTROLLER:
-            self.overruns += bool(detail & _OVERRUN)
+            self.overruns += bool(detail & _RECEIVE_OVERFLOW)
+            self.unsent += bool(detail & _SEND_OVERFLOW)
             if detail & _PASSIVE:
                 self.state = "passive"
             elif detail & _WARNING:
@@ -78,6 +85,10 @@ class BusHealth:
             found.append(f"nobody on {name} acknowledges frames: check wiring, termination and the object's power")
         if self.overruns:
             found.append(f"the CAN controller of {name} lost frames because this computer was too slow")
+        if self.unsent:
+            found.append(f"the CAN controller of {name} has no room for frames to be sent: the bus is too busy")
+        if self.unexplained:
+            found.append(f"{name} reports errors on the bus: check bit rate, wiring and termination")
         if self.parser_errors:
             found.append(f"what came from {name} could not all be read: check the adapter's cable and baud rate")
         return tuple(found)

@@ -23,15 +23,19 @@ MAX_LINE_BYTES = 256
 class ChunkedSlcanBus(slcanBus):
     """An SLCAN adapter on a port that can be waited for; elsewhere (Windows) the library's own reading is used."""
 
+    reads_lines = sys.platform != "win32"
+    """Whether the port is read here."""
+    _is_open = False
+
     def __init__(self, *arguments: Any, **options: Any) -> None:  # noqa: ANN401 (those of slcanBus)
         self._lines: deque[bytes] = deque()
         super().__init__(*arguments, **options)
-        self._waits = sys.platform != "win32"
-        if self._waits:
+        self._is_open = True
+        if self.reads_lines:
             self.serialPortOrig.timeout = 0
 
     def _read(self, timeout: float | None) -> str | None:
-        if not getattr(self, "_waits", False):
+        if not (self.reads_lines and self._is_open):
             return super()._read(timeout)
         deadline = None if timeout is None else time.monotonic() + timeout
         while not self._lines:
@@ -52,6 +56,18 @@ class ChunkedSlcanBus(slcanBus):
             self._lines.append(b"\xff")
             rest = b""
         self._buffer[:] = rest
+
+    def pass_over_unreadable(self) -> bool:
+        """After a line that cannot be read: see to it that reading goes on with the next.
+
+        Returns
+        -------
+        bool
+            Whether all that had come was thrown away for it, as the library's own reading needs.
+        """
+        if not self.reads_lines:
+            self.flush()
+        return not self.reads_lines
 
     def flush(self) -> None:
         """Throw away what has come and was not read."""
