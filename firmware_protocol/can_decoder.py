@@ -19,11 +19,12 @@ from firmware_protocol.can_mapping import (
     MIN_NODE,
     NODE_BITS,
     NODE_MASK,
+    WHOLE_ORIENTATION_BYTES,
     CanFunction,
     arbitration_id,
 )
 from firmware_protocol.can_node_decoder import NodeDecoder
-from firmware_protocol.can_quick_path import MAX_QUICK_FRAMES, plain_samples
+from firmware_protocol.can_quick_path import MAX_QUICK_BYTES, plain_samples, whole_samples
 from firmware_protocol.errors import MalformedPacketError, PacketValueError
 from firmware_protocol.packets import OrientationBatch
 from firmware_protocol.stream import StreamItem
@@ -32,7 +33,6 @@ _OURS = np.zeros(2048, np.bool_)
 for _function in CanFunction:
     for _bit in (0, FD_BIT):
         _OURS[_bit | _function << NODE_BITS : (_bit | _function << NODE_BITS) + NODE_MASK + 1] = True
-_QUICK_BYTES = 8 + 32 * MAX_QUICK_FRAMES
 _NOT_DATA = int(FrameFlag.ERROR | FrameFlag.REMOTE | FrameFlag.EXTENDED | FrameFlag.SENT)
 
 
@@ -131,6 +131,15 @@ class CanBusDecoder:
             self._heard[node] += len(frames)
         return batch
 
+    def feed_whole(self, node: int, batch: OrientationBatch) -> bool:
+        """Take samples of CAN FD frames of one node, decoded already; False where they must go the long way."""
+        decoder = self.nodes.get(node)
+        if decoder is None or not decoder.feed_whole(batch):
+            return False
+        self._bytes += WHOLE_ORIENTATION_BYTES * len(batch)
+        self._heard[node] += len(batch)
+        return True
+
     def follow_only(self, node: int) -> None:
         """From now on, follow this node alone."""
         self._only = frozenset({node})
@@ -197,12 +206,19 @@ class CanStreamDecoder:
         """Take one or more frame batches; return what they complete, in wire order."""
         if self._node is None:
             self._choose(data)
-        elif len(data) <= _QUICK_BYTES:
-            frames = plain_samples(data, arbitration_id(CanFunction.ORIENTATION, self._node))
-            batch = None if frames is None else self._bus.feed_next(self._node, frames)
+        elif len(data) <= MAX_QUICK_BYTES:
+            batch = self._feed_few(data, self._node)
             if batch is not None:
                 return [batch]
         return self._bus.feed(data).get(self._node or 0, [])
+
+    def _feed_few(self, data: bytes, node: int) -> OrientationBatch | None:
+        """Take samples that nothing is unusual about; None, and nothing changed, where the batch is not that."""
+        frames = plain_samples(data, arbitration_id(CanFunction.ORIENTATION, node))
+        if frames is not None:
+            return self._bus.feed_next(node, frames)
+        batch = whole_samples(data, arbitration_id(CanFunction.ORIENTATION, node, True))
+        return batch if batch is not None and self._bus.feed_whole(node, batch) else None
 
     def _choose(self, data: bytes) -> None:
         try:

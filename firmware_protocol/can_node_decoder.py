@@ -141,10 +141,20 @@ class NodeDecoder:
             return None
         batch = next_samples(frames, self._numbering, self._timeline)
         if batch is not None:
-            self._frames += len(frames)
-            self._samples += len(frames)
-            self._sequence.feed(batch.sequence.tolist())
+            self._count(batch)
         return batch
+
+    def feed_whole(self, batch: OrientationBatch) -> bool:
+        """Take samples of CAN FD frames, decoded already; False, and nothing changed, where they must be judged."""
+        if self._held is not None or self.in_conflict:
+            return False
+        self._count(batch)
+        return True
+
+    def _count(self, batch: OrientationBatch) -> None:
+        self._frames += len(batch)
+        self._samples += len(batch)
+        self._sequence.feed(batch.sequence.tolist())
 
     def flush(self) -> list[StreamItem]:
         """Give away the samples still held, numbered as well as can be: no TIME frame will follow."""

@@ -12,11 +12,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from firmware_protocol.can_frames import CLASSIC_BYTES
+from firmware_protocol.can_frames import CLASSIC_BYTES, FD_BYTES, FrameFlag
+from firmware_protocol.can_mapping import WHOLE_ORIENTATION_BYTES
 from firmware_protocol.can_numbering import SILENCE_SAMPLES, Numbering
 from firmware_protocol.can_timeline import Timeline
-from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US, OrientationBatch
-from firmware_protocol.quantization import SMALLEST_THREE_BITS, SMALLEST_THREE_OFFSET, SMALLEST_THREE_SCALE
+from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US, OrientationBatch, PacketType
+from firmware_protocol.quantization import (
+    Q15_MAX_SQUARE,
+    Q15_MIN_SQUARE,
+    SMALLEST_THREE_BITS,
+    SMALLEST_THREE_OFFSET,
+    SMALLEST_THREE_SCALE,
+)
 
 MAX_QUICK_FRAMES = 8
 """Above it, arrays are faster."""
@@ -24,6 +31,14 @@ MAX_QUICK_FRAMES = 8
 _RECORD = struct.Struct("<qdIBBHQ")
 _HEAD = b"CF\x01" + bytes([CLASSIC_BYTES])
 _HEAD_BYTES = 8
+_WHOLE_RECORD = struct.Struct("<qdIBBHBBHI4hB")
+"""The same, and a whole ORIENTATION: size, type, sequence, device time, quaternion, flags."""
+_WHOLE_RECORD_BYTES = 24 + FD_BYTES
+_WHOLE_HEAD = b"CF\x01" + bytes([FD_BYTES])
+_WHOLE_SIZE = 16
+_WHOLE_FLAGS = frozenset({int(FrameFlag.FD), int(FrameFlag.FD | FrameFlag.BITRATE_SWITCH)})
+MAX_QUICK_BYTES = _HEAD_BYTES + _WHOLE_RECORD_BYTES * MAX_QUICK_FRAMES
+"""Longest frame batch that may be one of a few frames."""
 _MASK = (1 << SMALLEST_THREE_BITS) - 1
 _MAX_THREE_SQUARE = 0.75
 """A code near the limit is left to the arrays, which judge it."""
@@ -40,6 +55,36 @@ def plain_samples(data: bytes, identifier: int) -> list[tuple[int, int]] | None:
             return None
         found.append((host_ns, code))
     return found
+
+
+def whole_samples(data: bytes, identifier: int) -> OrientationBatch | None:
+    """Decode the frames of a batch if all are good ORIENTATION packets in CAN FD frames with this id; else None."""
+    count, rest = divmod(len(data) - _HEAD_BYTES, _WHOLE_RECORD_BYTES)
+    if rest or not 0 < count <= MAX_QUICK_FRAMES or data[:4] != _WHOLE_HEAD or data[4:8] != count.to_bytes(4, "little"):
+        return None
+    sequences, times, quats, sample_flags = [], [], [], []
+    for place in range(_HEAD_BYTES, len(data), _WHOLE_RECORD_BYTES):
+        _, _, arbitration_id, length, frame_flags, _, size, kind, sequence, time_us, w, x, y, z, flags = (
+            _WHOLE_RECORD.unpack_from(data, place)
+        )
+        square = w * w + x * x + y * y + z * z
+        if (
+            arbitration_id != identifier
+            or length != WHOLE_ORIENTATION_BYTES
+            or frame_flags not in _WHOLE_FLAGS
+            or size != _WHOLE_SIZE
+            or kind != PacketType.ORIENTATION
+            or not Q15_MIN_SQUARE <= square <= Q15_MAX_SQUARE
+        ):
+            return None
+        scale = 1.0 / math.sqrt(square)
+        sequences.append(sequence)
+        times.append(time_us)
+        quats.append((w * scale, x * scale, y * scale, z * scale))
+        sample_flags.append(flags)
+    return OrientationBatch(
+        np.array(sequences, np.uint16), np.array(times, np.uint32), np.array(quats), np.array(sample_flags, np.uint8)
+    )
 
 
 def next_samples(

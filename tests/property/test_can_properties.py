@@ -1,6 +1,7 @@
 """CAN decoders on anything: garbage, cuts, losses."""
 
 import dataclasses
+import struct
 
 import numpy as np
 from hypothesis import given, settings
@@ -8,7 +9,7 @@ from hypothesis import strategies as st
 
 from firmware_protocol.can_decoder import CanBusDecoder, CanStreamDecoder
 from firmware_protocol.can_encoder import CanObject
-from firmware_protocol.can_frames import CanFrame, FrameFlag, pack_frames, unpack_frames
+from firmware_protocol.can_frames import CanFrame, FrameArray, FrameFlag, frame_array, pack_frames, unpack_frames
 from firmware_protocol.can_mapping import NODE_BITS, CanFunction, arbitration_id
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Ack, OrientationBatch, Status
@@ -16,7 +17,14 @@ from tests.can_traffic import info_packet, joined, object_at, sample_packets, sa
 
 MS = 1_000_000
 _TRAFFIC = {fd: timed(object_at(3, fd), sample_packets(3000), MS) for fd in (False, True)}
+_RECORDS = {fd: frame_array(pack_frames(frames)) for fd, frames in _TRAFFIC.items()}
+_ROWS = {fd: np.array(sample_rows(frames)) for fd, frames in _TRAFFIC.items()}
 _FUNCTION_IDS = st.builds(arbitration_id, st.sampled_from(list(CanFunction)), st.integers(0, 31), st.booleans())
+
+
+def frame_batch(records: FrameArray) -> bytes:
+    """Frames as one batch; by the layout in can_frames."""
+    return struct.pack("<2sBBI", b"CF", 1, records.dtype["data"].shape[0], len(records)) + records.tobytes()
 
 
 @st.composite
@@ -66,20 +74,19 @@ def test_bytes_that_are_no_batch_never_raise(data: bytes) -> None:
 def test_every_sample_keeps_its_number_whatever_is_lost_and_however_frames_are_cut(
     fd: bool, losses: list[tuple[int, int]], cuts: list[int]
 ) -> None:
-    traffic = _TRAFFIC[fd]
-    rows = np.array(sample_rows(traffic))
-    kept = np.ones(len(traffic), bool)
+    records, rows = _RECORDS[fd], _ROWS[fd]
+    kept = np.ones(len(records), bool)
     for first, count in losses:
         last = min(first + count - 1, 2999)
         kept[rows[first] : rows[last] + 1] = False
-    frames = [frame for frame, keep in zip(traffic, kept, strict=True) if keep]
+    frames = records[kept]
     numbers = np.flatnonzero(kept[rows])
     decoder = CanStreamDecoder(3)
     items = []
     start = step = 0
     while start < len(frames):
         cut = cuts[step % len(cuts)]
-        items += decoder.feed(pack_frames(frames[start : start + cut]))
+        items += decoder.feed(frame_batch(frames[start : start + cut]))
         start += cut
         step += 1
     items += decoder.flush()

@@ -262,14 +262,21 @@ def test_impossible_states_are_malformed(traffic: list[CanFrame]) -> None:
     assert len(got.sequence) == 6000
 
 
-def test_one_frame_at_a_time_gives_the_same_to_the_last_bit(traffic: list[CanFrame]) -> None:
+@pytest.mark.parametrize("fd", [False, True])
+def test_one_frame_at_a_time_gives_the_same_to_the_last_bit(fd: bool) -> None:
+    flags = np.where(np.arange(3000) % 700 < 90, 1, 8).astype(np.uint8)
+    traffic = timed(object_at(3, fd), sample_packets(3000, first=65_000, flags=flags), MS)
     rows = sample_rows(traffic)
     frames = [frame for row, frame in enumerate(traffic) if row not in {rows[700], rows[2000], rows[2001]}]
-    frames.insert(3991, frames[3990])
-    whole, single = CanStreamDecoder(3), CanStreamDecoder(3)
-    one, other = joined(fed(whole, frames, 100_000)), joined(fed(single, frames, 1))
-    assert np.array_equal(one.sequence, other.sequence)
-    assert np.array_equal(one.device_time_us, other.device_time_us)
-    assert np.array_equal(one.quats_wxyz, other.quats_wxyz)
-    assert np.array_equal(one.flags, other.flags)
-    assert whole.counters == single.counters
+    frames.insert(991, frames[990])
+    bad = frames[rows[300]]
+    frames[rows[300]] = dataclasses.replace(bad, data=bad.data[:1] + b"\xff" * 6 + b"\x3f" + bad.data[8:])
+    decoders = [CanStreamDecoder(3) for _ in range(3)]
+    one, *others = (joined(fed(decoder, frames, n)) for decoder, n in zip(decoders, (100_000, 1, 5), strict=True))
+    assert len(one.sequence) == 2997
+    for other in others:
+        for name in ("sequence", "device_time_us", "quats_wxyz", "flags"):
+            assert np.array_equal(getattr(one, name), getattr(other, name))
+            assert getattr(one, name).dtype == getattr(other, name).dtype
+    assert decoders[0].counters == decoders[1].counters == decoders[2].counters
+    assert decoders[0].counters.malformed == decoders[0].counters.duplicates == 1
