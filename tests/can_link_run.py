@@ -11,13 +11,15 @@ from typing import Any
 
 from emulator.links import Link as ObjectLink
 from emulator.links import open_link
+from emulator.links.can_link import FrameTamper
 from emulator.runner import run
 from emulator.scenario import load_scenario
-from firmware_protocol.packets import Info, OrientationBatch, Status
+from firmware_protocol.packets import Info, OrientationBatch, PacketType, Status
 from firmware_protocol.stream import StreamItem, encode_command
 from host.link import Link
 from host.session import Phase, Session, SessionSettings
 from host.transports import open_transport
+from host.transports.chunks import AnyChunk
 
 LINKS = {
     "pty": "pty:",
@@ -120,4 +122,54 @@ def _turn(transport: Any, got: Got) -> bool:
     return chunk is not None
 
 
-__all__ = ["CAN_LINKS", "LINKS", "Got", "Info", "Status", "finish", "object_on", "open_transport", "receive"]
+def over(
+    address: str,
+    packets: list[bytes],
+    tamper: FrameTamper | None = None,
+    wanted: int | None = None,
+    limit_s: float = 120.0,
+) -> list[AnyChunk]:
+    """Send packets over a link, as fast as it takes them, and return what the host receives.
+
+    It ends when ``wanted`` samples have come; by default as many as there are among the packets.
+    """
+    if wanted is None:
+        wanted = sum(packet[0] == PacketType.ORIENTATION for packet in packets)
+    chunks: list[AnyChunk] = []
+    go, done = threading.Event(), threading.Event()
+    with open_link(address) as link:
+        if tamper is not None:
+            link.frame_tamper = tamper
+        thread = threading.Thread(target=_send, args=(link, packets, go, done), daemon=True)
+        thread.start()
+        try:
+            with open_transport(link.host_uri) as transport:
+                go.set()
+                decoder = Link()
+                deadline = time.monotonic() + limit_s
+                received = 0
+                while received < wanted:
+                    assert time.monotonic() < deadline, f"{received} of {wanted} samples came"
+                    chunk = transport.read(0.05)
+                    if chunk is not None:
+                        chunks.append(chunk)
+                        items = decoder.feed(chunk)
+                        received += sum(len(item) for item in items if isinstance(item, OrientationBatch))
+        finally:
+            done.set()
+            thread.join(10)
+    return chunks
+
+
+def _send(link: ObjectLink, packets: list[bytes], go: threading.Event, done: threading.Event) -> None:
+    """Be the object's end: answer the adapter's host, then send as fast as the link takes."""
+    rest = packets
+    while not done.is_set():
+        link.receive()
+        if go.is_set():
+            taken = link.send(rest[:200])
+            rest = rest[taken or 0 :]
+        link.wait(0.002)
+
+
+__all__ = ["CAN_LINKS", "LINKS", "Got", "Info", "Status", "finish", "object_on", "open_transport", "over", "receive"]
