@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from analysis.reporting import figure_style as look
 from analysis.reporting.clouds import BODY_AXES, Clouds
@@ -13,36 +14,82 @@ from analysis.series import FloatArray
 
 
 def sphere_figure(clouds: Clouds) -> look.PaperFigure:
-    """Draw where the object's three axes point, on the unit sphere of the world frame."""
-    figure = look.new_figure(2.9, layout="none")
-    ax: Any = figure.add_axes((0.0, 0.13, 1.0, 0.87), projection="3d", computed_zorder=False)
+    """Draw where the object's three axes point, on the unit sphere; below, their end points alone, numbered."""
+    n = clouds.endpoint_axes.shape[1]
+    figure = look.new_figure(3.9 if n else 2.6, layout="none")
+    ax: Any = figure.add_axes(
+        (0.0, 0.35, 1.0, 0.64) if n else (0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False
+    )
     _sphere(ax)
     for number, name in enumerate(BODY_AXES):
         colour, marker = look.AXIS_COLOURS[number], look.AXIS_MARKERS[number]
         cloud, points = clouds.axes[number], clouds.endpoint_axes[number]
         ax.scatter(*cloud[~clouds.scored].T, s=1, color=look.LIGHT, lw=0, rasterized=True, depthshade=False)
         ax.scatter(*cloud[clouds.scored].T, s=1.5, color=colour, lw=0, alpha=0.45, rasterized=True, depthshade=False)
-        if len(points):
-            ax.scatter(
-                *points.T, s=22, marker=marker, facecolor=colour, edgecolor="black", lw=0.6, depthshade=False,
-                label=f"object {name} at the end points",
-            )  # fmt: skip
-            outward = 1.2 * points.mean(axis=0)
-            text = f"{name}: 1–{len(points)}" if len(points) > 1 else f"{name}: 1"
-            ax.text(
-                *outward, text, fontsize=7, color=colour, weight="bold", ha="center", va="center", zorder=20,
-                bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.75},
-            )  # fmt: skip
+        if n:
+            ax.scatter(*points.T, s=16, marker=marker, facecolor=colour, edgecolor="black", lw=0.4, depthshade=False)
+        middle = (points if n else cloud).mean(axis=0)
+        ax.text(
+            *(1.28 * middle / max(float(np.linalg.norm(middle)), 1e-9)), name,
+            fontsize=9, color=colour, weight="bold", ha="center", va="center", zorder=20,
+            bbox={"boxstyle": "square,pad=0.05", "fc": "white", "ec": "none", "alpha": 0.75},
+        )  # fmt: skip
     ax.set_box_aspect((1, 1, 1), zoom=1.15)
     ax.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
     ax.set_axis_off()
     for name, tip in zip("XYZ", np.eye(3), strict=True):
-        ax.plot(*np.stack((tip, 1.2 * tip)).T, color=look.GREY, lw=0.8)
-        ax.text(*(1.28 * tip), f"world {name}", fontsize=6, color=look.GREY, ha="center", va="center")
+        ax.plot(*np.stack((tip, 1.15 * tip)).T, color=look.GREY, lw=0.8)
+        ax.text(*(1.3 * tip), name, fontsize=6, color=look.GREY, ha="center", va="center")
     _look_at_the_axes(ax, clouds)
-    if clouds.endpoint_axes.shape[1]:
-        figure.legend(loc="lower center", ncols=1, fontsize=6.5, handletextpad=0.2)
+    figure.text(0.03, 0.985, "axes of the object: x, y, z", va="top", fontsize=7.5, weight="bold")
+    figure.text(0.97, 0.985, "X, Y, Z: world", va="top", ha="right", fontsize=6.5, color=look.GREY)
+    if n:
+        _tips(figure, clouds)
     return figure
+
+
+def _tips(figure: look.PaperFigure, clouds: Clouds) -> None:
+    """Beside each other the end points of the three axes alone: the sphere seen from outside, all on one scale."""
+    figure.text(0.03, 0.345, "the end points alone, enlarged and numbered (°)", va="top", fontsize=7.5, weight="bold")
+    panels = [_flattened(points) for points in clouds.endpoint_axes]
+    half = max(0.6 * max(float(np.ptp(flat, axis=0).max()) for flat in panels), 1e-3)
+    for number, flat in enumerate(panels):
+        ax: Any = figure.add_axes((0.085 + 0.315 * number, 0.05, 0.25, 0.25 * look.COLUMN_IN / 3.9))
+        colour = look.AXIS_COLOURS[number]
+        ax.plot(flat[:, 0], flat[:, 1], color=look.GREY, lw=0.5)
+        ax.plot(flat[:, 0], flat[:, 1], look.AXIS_MARKERS[number], color=colour, ms=2.6, mec="black", mew=0.3)
+        middle = 0.5 * (flat.max(axis=0) + flat.min(axis=0))
+        ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
+        for point in _apart(flat, 0.3 * half):
+            away = flat[point] - flat.mean(axis=0) if point in {0, len(flat) - 1} else np.array((0.0, 1.0))
+            offset = 6.0 * away / max(float(np.linalg.norm(away)), 1e-9)
+            ax.annotate(
+                str(point + 1), flat[point], xytext=tuple(offset), textcoords="offset points", fontsize=5.5, zorder=5,
+                ha="center", va="center",
+            )  # fmt: skip
+        ax.set_title(f"object {BODY_AXES[number]}", fontsize=6.5, color=colour, pad=2)
+        ax.tick_params(labelsize=5, length=2, pad=1.5)
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_locator(MaxNLocator(3))
+
+
+def _apart(points: FloatArray, least: float) -> list[int]:
+    """Which points carry their number: the first, the last, and others as far as none covers another."""
+    shown = [0, len(points) - 1] if len(points) > 1 else [0]
+    for number in range(1, len(points) - 1):
+        if np.linalg.norm(points[shown] - points[number], axis=1).min() > least:
+            shown.append(number)
+    return shown
+
+
+def _flattened(points: FloatArray) -> FloatArray:
+    """(n, 2) points of the unit sphere in deg from their middle, to the right and up as seen from outside."""
+    middle = points.mean(axis=0)
+    middle = middle / max(float(np.linalg.norm(middle)), 1e-9)
+    right = np.cross((0.0, 0.0, 1.0) if abs(middle[2]) < 0.9 else (0.0, 1.0, 0.0), middle)
+    right = right / np.linalg.norm(right)
+    flat: FloatArray = np.degrees(points @ np.stack((right, np.cross(middle, right)), axis=1))
+    return flat
 
 
 def rotation_cloud_figure(clouds: Clouds) -> look.PaperFigure:
@@ -69,8 +116,8 @@ def _cloud_figure(
     whole: Any = figure.add_axes((0.02, 0.49, 0.86, 0.47), projection="3d", computed_zorder=False)
     whole.scatter(*cloud[~clouds.scored].T, s=1, color=look.LIGHT, lw=0, rasterized=True, depthshade=False)
     whole.scatter(*cloud[clouds.scored].T, s=1.5, color=look.BLUE, lw=0, alpha=0.5, rasterized=True, depthshade=False)
-    whole.plot([], [], "o", ms=3, color=look.BLUE, label="recorded samples, scored cycles")
-    whole.plot([], [], "o", ms=3, color=look.LIGHT, label="before and after")
+    whole.plot([], [], "o", ms=3, color=look.BLUE, label="samples, first to last end point")
+    whole.plot([], [], "o", ms=3, color=look.LIGHT, label="samples before and after")
     near: Any = figure.add_axes((0.02, 0.02, 0.86, 0.42), projection="3d", computed_zorder=False)
     figure.text(0.03, 0.47, "the end points alone, enlarged and numbered", va="top", fontsize=7.5, weight="bold")
     if len(points):

@@ -27,11 +27,12 @@ CAPTIONS = {
     "rotation_cloud": "Recorded point cloud of rotations (rotation vectors from the first end point, world "
     "frame) with the "
     "end points highlighted; below, the end points alone, numbered in cycle order.",
-    "sphere": "Where the object's x, y and z axes pointed during the trial, on the unit sphere, with the end points. A "
-    "perfect hand would put all end points of one axis on the same spot.",
+    "sphere": "Where the object's x, y and z axes pointed during the trial, on the unit sphere of the world frame, "
+    "with the end points highlighted; below, the end points alone, numbered, seen from outside. A perfect hand "
+    "would put all end points of one axis on the same spot.",
     "translation_cloud": "Recorded point cloud of positions with the end points highlighted and numbered.",
-    "rotation": "Rotation about the motion axis over time. One end point per cycle, always at the same phase; only the "
-    "shaded stretch is scored.",
+    "rotation": "Rotation about the motion axis over time. One end point per cycle, always at the same phase; what "
+    "lies before the first and after the last one does not count.",
     "steps": "How far the object turned from one end point to the next. θ̄ is the angle of the average of these "
     "rotations; "
     "it is below the bars where they do not all turn the same way.",
@@ -64,8 +65,22 @@ def draw_figures(trial: TrialReport, formats: tuple[str, ...] = look.FORMATS) ->
             figure = make_figure(trial, name)
         if figure is not None:
             files = {kind: look.figure_bytes(figure, kind) for kind in formats}
-            drawn.append(NamedFigure(name, CAPTIONS[name], files))
+            drawn.append(NamedFigure(name, caption(trial, name), files))
     return tuple(drawn)
+
+
+def caption(trial: TrialReport, name: str) -> str:
+    """Say what a figure shows; of end points that make no score, that too.
+
+    Parameters
+    ----------
+    trial
+        What is drawn.
+    name
+        One of ``CAPTIONS``.
+    """
+    doubtful = not trial.view.valid and name != "link"
+    return CAPTIONS[name] + (" No score is claimed: these end points are only what was found." if doubtful else "")
 
 
 def make_figure(trial: TrialReport, name: str) -> look.PaperFigure | None:

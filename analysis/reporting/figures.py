@@ -67,7 +67,7 @@ def _draw_rotation(figure: FigureBase, series: OrientationSeries, result: dict[s
             color=look.LIGHT,
             alpha=0.45,
             lw=0,
-            label="scored window",
+            label="first to last end point",
         )
     line_s, line_deg = _thinned(series.times_s - start_s, angle_deg - origin)
     ax.plot(line_s, line_deg, color=look.BLUE, lw=0.7, label="object")
@@ -218,7 +218,7 @@ def _draw_sensitivity(figure: FigureBase, result: dict[str, Any]) -> None:
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="x", color=look.LIGHT, lw=0.4)
     ax.set_axisbelow(True)
-    ax.set_xlabel("θ̄ (°)")
+    ax.set_xlabel("θ̄ (° per cycle)")
 
 
 def link_figure(series: OrientationSeries, losses: dict[str, Any] | None = None) -> look.PaperFigure:

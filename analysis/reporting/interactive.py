@@ -28,7 +28,7 @@ def plotly_base64() -> str:
 
 
 def scenes(trial: TrialReport) -> list[dict[str, Any]]:
-    """Make the 3-D scenes of a trial: rotation, object axes, and translation where there are positions.
+    """Make the 3-D scenes of a trial: rotation, its end points alone, object axes, and translation where known.
 
     Returns
     -------
@@ -36,9 +36,12 @@ def scenes(trial: TrialReport) -> list[dict[str, Any]]:
     """
     clouds = clouds_of(trial.series, trial.result, MAX_POINTS)
     found = [
-        _cloud_scene("Rotation (°)", clouds, clouds.rotvecs_deg, clouds.endpoint_rotvecs_deg, ("rx", "ry", "rz"), "°"),
-        _axes_scene(clouds),
+        _cloud_scene("Rotation (°)", clouds, clouds.rotvecs_deg, clouds.endpoint_rotvecs_deg, ("rx", "ry", "rz"), "°")
     ]
+    if len(clouds.endpoint_rotvecs_deg) > 1:
+        alone = _endpoints("end points", clouds.endpoint_rotvecs_deg, look.VERMILION, "circle", line=True)
+        found.append(_scene("Its end points alone (°)", [alone], clouds.endpoint_rotvecs_deg, ("rx", "ry", "rz"), "°"))
+    found.append(_axes_scene(clouds))
     if clouds.positions_mm is not None and clouds.endpoint_positions_mm is not None:
         found.append(
             _cloud_scene(
@@ -53,14 +56,19 @@ def _cloud_scene(
 ) -> dict[str, Any]:
     data = [
         _trace("before and after", cloud[~clouds.scored], look.LIGHT, 2, clouds.times_s[~clouds.scored]),
-        _trace("scored cycles", cloud[clouds.scored], look.BLUE, 2, clouds.times_s[clouds.scored]),
+        _trace("first to last end point", cloud[clouds.scored], look.BLUE, 2, clouds.times_s[clouds.scored]),
         _endpoints("end points", points, look.VERMILION, "circle", line=True),
     ]
-    values = np.concatenate((cloud, points))
+    return _scene(title, data, np.concatenate((cloud, points)), names, unit)
+
+
+def _scene(
+    title: str, data: list[dict[str, Any]], values: FloatArray, names: tuple[str, str, str], unit: str
+) -> dict[str, Any]:
     extent = np.ptp(values, axis=0)
     largest = max(float(extent.max()), 1e-6)
-    # Equal scales on all axes; a flat cloud gets room around it, so that the box is never thinner than a sixth.
-    half = 0.53 * np.maximum(extent, largest / 6.0)
+    # Equal scales on all axes; a flat cloud gets room around it, so that the box is never thinner than half.
+    half = 0.53 * np.maximum(extent, largest / 2.0)
     middle = 0.5 * (values.max(axis=0) + values.min(axis=0))
     axes: dict[str, Any] = {}
     for column, (axis, name) in enumerate(zip("xyz", names, strict=True)):
@@ -116,12 +124,18 @@ def _columns(points: FloatArray) -> dict[str, list[float]]:
 
 
 def _axis(title: str) -> dict[str, Any]:
-    return {"title": {"text": title}, "backgroundcolor": "white", "gridcolor": look.LIGHT, "showspikes": False}
+    return {
+        "title": {"text": title},
+        "backgroundcolor": "white",
+        "gridcolor": look.LIGHT,
+        "showspikes": False,
+        "nticks": 6,
+    }
 
 
 def _layout(scene: dict[str, Any]) -> dict[str, Any]:
     return {
-        "scene": {**scene, "camera": {"eye": {"x": 1.0, "y": -1.25, "z": 0.72}}},
+        "scene": {**scene, "camera": {"eye": {"x": 1.1, "y": -1.4, "z": 0.8}}},
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
         "legend": {"orientation": "h", "y": 0.02, "itemsizing": "constant"},
         "paper_bgcolor": "white",

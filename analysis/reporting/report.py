@@ -11,7 +11,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from analysis.reporting import wording
+from analysis.reporting import overview, wording
 from analysis.reporting.figure_set import NamedFigure, draw_figures
 from analysis.reporting.interactive import plotly_base64, scenes
 from analysis.reporting.trial_report import TrialReport
@@ -55,12 +55,7 @@ def report_html(
     The page. Every text of cards, devices and files stands in it as text, never as markup.
     """
     plotly = plotly_base64()
-    several = len(trials) > 1
-    incomplete = [
-        f"{trial.id}: {', '.join(trial.missing)}" if several else ", ".join(trial.missing)
-        for trial in trials
-        if trial.missing
-    ]
+    pooled = overview.pooled(trials)
     pages = [
         _trial_values(trial, (drawn or {}).get(trial.id) or draw_figures(trial, ("png", "svg"))) for trial in trials
     ]
@@ -69,7 +64,12 @@ def report_html(
         "title": title,
         "version": version,
         "trials": pages,
-        "incomplete": incomplete,
+        "about": wording.ABOUT,
+        "pooled": pooled if any(row.n_trials > 1 for row in pooled) else [],
+        "pooled_columns": overview.COLUMNS,
+        "cells": overview.cells,
+        "forest": _data_uri("image/svg+xml", overview.forest(pooled, "svg")) if len(trials) > 1 else "",
+        "incomplete": wording.missing_lines(trials),
         "css": _own("report.css"),
         "js": _own("report.js"),
         "plotly": Markup(plotly),  # noqa: S704 - base64, from our own package

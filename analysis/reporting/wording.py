@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from analysis.reporting.result_view import number
 from analysis.reporting.trial_report import TrialReport
 
 CARD_REFERENCE = "RAL-SI-2020-B19-0838.4-V1.0"
+ABOUT = (
+    "A robot hand holds an object and repeats one rotation. After each cycle the object should be back in the same "
+    "orientation; it is not quite. The rotation drift θ̄ is the angle of the average rotation from one cycle's end "
+    "point to the next, in degrees per cycle: 0 is a hand that brings the object back exactly."
+)
+"""What the number is, for a stranger."""
 
 
 def degrees(value: object, digits: int = 3) -> str:
@@ -20,6 +27,22 @@ def interval_text(trial: TrialReport) -> str:
     """Write the interval of θ̄ as ``low … high``; empty where there is none."""
     ends = trial.view.interval_deg
     return "" if ends is None else f"{ends[0]:.3f} … {ends[1]:.3f}"
+
+
+def missing_lines(trials: Sequence[TrialReport]) -> list[str]:
+    """Say which required fields are missing where; trials that lack the same stand in one line."""
+    lacking: dict[tuple[str, ...], list[str]] = {}
+    for trial in trials:
+        if trial.missing:
+            lacking.setdefault(trial.missing, []).append(trial.id)
+    lines = []
+    for fields, where in lacking.items():
+        if len(trials) == 1:
+            lines.append(", ".join(fields))
+        else:
+            which = "all trials" if len(where) == len(trials) else ", ".join(where)
+            lines.append(f"{which}: {', '.join(fields)}")
+    return lines
 
 
 def verdict(trial: TrialReport) -> str:

@@ -88,7 +88,11 @@ def test_the_score_comes_first_and_trust_before_the_figures(page, trials):
 def test_the_scenes_hold_the_end_points(page, trials):
     found = re.search(r'id="scenes-t42--cube--roll--01">(.*?)</script>', page, re.DOTALL).group(1)
     scenes = json.loads(found)
-    assert [scene["title"] for scene in scenes] == ["Rotation (°)", "Object axes on the sphere"]
+    assert [scene["title"] for scene in scenes] == [
+        "Rotation (°)",
+        "Its end points alone (°)",
+        "Object axes on the sphere",
+    ]
     points = scenes[0]["data"][-1]
     assert points["text"] == [str(k + 1) for k in range(trials[0].view.n_endpoints)]
     assert points["x"][0] == points["y"][0] == points["z"][0] == 0.0
