@@ -69,11 +69,13 @@ class SampleArrays:
         self.device_time_us = np.empty(capacity, dtype="<u4")
         self.quats_wxyz = np.empty((capacity, 4), dtype=np.float64)
         self.flags = np.empty(capacity, dtype=np.uint8)
+        self.ends = np.empty(capacity, dtype=np.int64)
+        """Where the delimiter behind each sample stands in the bytes."""
         self.n = 0
         """Samples held."""
 
-    def insert(self, positions: list[int], samples: list[Orientation]) -> None:
-        """Insert samples in front of those that are at ``positions`` now (ascending)."""
+    def insert(self, positions: list[int], samples: list[Orientation], ends: list[int]) -> None:
+        """Insert samples, and where their frames end, in front of those at ``positions`` now (ascending)."""
         first = positions[0]
         places = np.array(positions) - first
         columns = (
@@ -81,6 +83,7 @@ class SampleArrays:
             (self.device_time_us, [sample.device_time_us for sample in samples]),
             (self.quats_wxyz, [sample.q_wxyz for sample in samples]),
             (self.flags, [int(sample.flags) for sample in samples]),
+            (self.ends, ends),
         )
         for array, values in columns:
             moved = np.insert(array[first : self.n], places, np.array(values, dtype=array.dtype), axis=0)
@@ -104,8 +107,8 @@ class BlockReport:
     """ORIENTATION packets with the norm off."""
     extended: int
     """Of the samples, those with fields of a newer minor version."""
-    others: list[tuple[int, bytes]]
-    """The pieces not looked at, in order, each with the number of the sample it stands in front of."""
+    others: list[tuple[int, bytes, int]]
+    """The pieces not looked at, in order: the number of the sample each stands in front of, its bytes, its end."""
 
 
 def block_end(pieces: bytes, start: int) -> int:
@@ -191,8 +194,18 @@ def _crc_by_bytes(columns: ByteArray) -> tuple[ByteArray, ByteArray]:
     return low, high
 
 
-def decode_block(block: bytes, samples: SampleArrays) -> BlockReport:
-    """Append the samples in a block of whole pieces, each ended by its delimiter, to ``samples``."""
+def decode_block(block: bytes, samples: SampleArrays, offset: int = 0) -> BlockReport:
+    """Append the samples in a block of whole pieces, each ended by its delimiter, to ``samples``.
+
+    Parameters
+    ----------
+    block : bytes
+        The pieces.
+    samples : SampleArrays
+        Takes the samples.
+    offset : int
+        Where the block begins in all bytes; ends are counted from there.
+    """
     ends = np.flatnonzero(np.frombuffer(block, dtype=np.uint8) == 0)
     lengths = np.diff(ends, prepend=-1) - 1
     length = SHORTEST_PIECE + int(
@@ -233,6 +246,7 @@ def decode_block(block: bytes, samples: SampleArrays) -> BlockReport:
     for k in range(4):
         times[:, k] = packets[3 + k]
     samples.flags[first:last] = packets[15]
+    np.add(ends[sample_pieces], offset, out=samples.ends[first:last])
     scale = 1.0 / np.sqrt(square.astype(np.float64))
     for k in range(4):
         np.multiply(components[k], scale, out=samples.quats_wxyz[first:last, k])
@@ -246,7 +260,7 @@ def decode_block(block: bytes, samples: SampleArrays) -> BlockReport:
     other = np.flatnonzero(left_over)
     before = first + np.searchsorted(sample_pieces, other)
     others = [
-        (position, block[end - size : end])
+        (position, block[end - size : end], end + offset)
         for position, end, size in zip(before.tolist(), ends[other].tolist(), lengths[other].tolist(), strict=True)
     ]
     counters = PieceCounters(

@@ -157,6 +157,10 @@ class FrameDecoder:
             self._skipping = True
         return data[:end]
 
+    def offset_of_next(self, data: bytes) -> int:
+        """Return where in ``data`` what :meth:`complete` will return begins; negative if it came before."""
+        return max(data.find(b"\0"), 0) if self._skipping else -len(self._pending)
+
     def unframe(self, pieces: bytes) -> list[bytes]:
         """Return the packets in pieces that each end in a delimiter, as :meth:`complete` gave them."""
         runs = pieces.split(b"\0")

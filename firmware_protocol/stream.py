@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from firmware_protocol import codec
 from firmware_protocol.batch import ORIENTATION_BYTES, SampleArrays, block_end, decode_block, new_batch
@@ -55,6 +56,8 @@ class ForeignInfo:
 
 StreamItem: TypeAlias = OrientationBatch | Packet | ForeignInfo
 """What a stream is made of; single ORIENTATION packets come as batches only."""
+LocatedItem: TypeAlias = tuple[StreamItem, npt.NDArray[np.int64]]
+"""An item, and where the frames of its packets end."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +146,27 @@ class StreamDecoder:
                 return self._feed_lone(packet)
         if len(pieces) < BATCH_BYTES:
             return self._feed_few(self._frames.unframe(pieces))
-        return self._feed_many(pieces)
+        return [item for item, _ in self._feed_many(pieces)]
+
+    def feed_located(self, data: bytes) -> list[LocatedItem]:
+        """Take many reads put end to end; return what they completed, in wire order, and where each of it ends.
+
+        Packets and counters are those of :meth:`feed`. What comes for each item says which of the reads completed it:
+        it is the place in ``data`` of the delimiter behind the packet.
+
+        Parameters
+        ----------
+        data : bytes
+            Of any length; below some thousand bytes :meth:`feed` is faster.
+
+        Returns
+        -------
+        list of (item, ends)
+            ``ends`` (n,) int64 for a batch of n samples, (1,) for any other packet.
+        """
+        offset = self._frames.offset_of_next(data)
+        pieces = self._frames.complete(data)
+        return self._feed_many(pieces, offset) if pieces else []
 
     def _feed_lone(self, packet: bytes) -> list[StreamItem]:
         """Decode a packet as long as ORIENTATION that came alone: what a live read mostly brings."""
@@ -204,57 +227,63 @@ class StreamDecoder:
             np.array(flags, _UINT8),
         )
 
-    def _feed_many(self, pieces: bytes) -> list[StreamItem]:
+    def _feed_many(self, pieces: bytes, offset: int = 0) -> list[LocatedItem]:
         samples = SampleArrays(len(pieces))
-        placed: list[tuple[int, Packet | ForeignInfo]] = []
+        placed: list[tuple[int, Packet | ForeignInfo, int]] = []
         start = 0
         if self._frames.at_start:
             start = pieces.index(b"\0") + 1
-            self._place(samples, placed, [(0, packet) for packet in self._frames.unframe(pieces[:start])])
+            self._place(samples, placed, [(0, packet, start - 1) for packet in self._frames.unframe(pieces[:start])])
         while start < len(pieces):
             end = block_end(pieces, start)
-            report = decode_block(pieces[start:end], samples)
+            report = decode_block(pieces[start:end], samples, start)
             start = end
             self._frames.count(report.pieces)
             self._malformed += report.malformed
             self._extended += report.extended
-            opened = ((position, self._frames.open_piece(piece)) for position, piece in report.others)
-            self._place(samples, placed, ((position, packet) for position, packet in opened if packet is not None))
+            opened = ((position, self._frames.open_piece(piece), at) for position, piece, at in report.others)
+            self._place(
+                samples, placed, [(position, packet, at) for position, packet, at in opened if packet is not None]
+            )
         self._samples += samples.n
-        items: list[StreamItem] = []
+        ends = samples.ends[: samples.n]
+        ends += offset
+        items: list[LocatedItem] = []
         delivered = followed = 0
-        for position, item in placed:
+        for position, item, at in placed:
             if position > delivered:
-                items.append(samples.batch(delivered, position))
+                items.append((samples.batch(delivered, position), ends[delivered:position]))
                 delivered = position
             if isinstance(item, Info):
                 self._sequence.feed_array(samples.sequence[followed:position])
                 followed = position
                 self._meet(item)
-            items.append(item)
+            items.append((item, np.array([at + offset])))
         self._sequence.feed_array(samples.sequence[followed : samples.n])
         if samples.n > delivered:
-            items.append(samples.batch(delivered, samples.n))
+            items.append((samples.batch(delivered, samples.n), ends[delivered:]))
         return items
 
     def _place(
         self,
         samples: SampleArrays,
-        placed: list[tuple[int, Packet | ForeignInfo]],
-        packets: Iterable[tuple[int, bytes]],
+        placed: list[tuple[int, Packet | ForeignInfo, int]],
+        packets: Iterable[tuple[int, bytes, int]],
     ) -> None:
         """Decode packets that stand among the samples: samples go in between, the others to ``placed``."""
         positions: list[int] = []
         late: list[Orientation] = []
-        for position, data in packets:
+        ends: list[int] = []
+        for position, data, at in packets:
             item = self._decode(data)
             if isinstance(item, Orientation):
                 positions.append(position)
                 late.append(item)
+                ends.append(at)
             elif item is not None:
-                placed.append((position + len(late), item))
+                placed.append((position + len(late), item, at))
         if late:
-            samples.insert(positions, late)
+            samples.insert(positions, late, ends)
 
     def _decode(self, data: bytes) -> Packet | ForeignInfo | None:
         """Decode and count one packet; ORIENTATION is counted where the batches are made."""

@@ -145,6 +145,57 @@ class ClockUnwrapper:
             start += self._feed_segment(ticks[start:], host_time_ns, unwrapped[start:], start)
         return unwrapped
 
+    def feed_many(self, device_time_us: npt.NDArray[np.uint32], host_time_ns: IntArray) -> IntArray | None:
+        """Unwrap the samples of many chunks at once, as :meth:`feed` would chunk by chunk.
+
+        Only where that is plain: the clock runs on, and nothing comes near the bounds.
+
+        Parameters
+        ----------
+        device_time_us : (n,) uint32
+            Device clock of the samples in order of reception, n >= 1.
+        host_time_ns : (n,) int64
+            Reception of each sample's chunk.
+
+        Returns
+        -------
+        (n,) int64 or None
+            Unwrapped device time, us; None, and nothing is taken in, where a chunk may hold a step or begins a segment.
+        """
+        settings = self.settings
+        waits_ns = np.diff(host_time_ns, prepend=self._last_ns)
+        if not self._has_reference or waits_ns.min() < 0 or waits_ns.max() > 1e9 * settings.max_latency_s:
+            return None
+        ticks = device_time_us.astype(np.int64)
+        half = DEVICE_CLOCK_MODULUS_US // 2
+        unwrapped = np.diff(ticks, prepend=self._newest_us)
+        np.add(unwrapped, half, out=unwrapped)
+        np.bitwise_and(unwrapped, DEVICE_CLOCK_MODULUS_US - 1, out=unwrapped)  # the modulus is a power of two
+        np.subtract(unwrapped, half, out=unwrapped)
+        unwrapped[0] += self._newest_us
+        np.cumsum(unwrapped, out=unwrapped)
+        newest_us = np.maximum(np.maximum.accumulate(unwrapped), self._newest_us)
+        # The prediction is off by no more than the delays differ. Half of what is explained leaves room for rounding.
+        delay_us = 1e-3 * host_time_ns - unwrapped
+        spread_us = max(float(delay_us.max()), self._delay_us) - min(float(delay_us.min()), self._delay_us)
+        if (
+            spread_us > 0.5e6 * min(settings.max_ahead_s, settings.max_latency_s)
+            or (newest_us - unwrapped).max() > 0.5e6 * settings.max_reorder_s
+        ):
+            return None
+        lasts = np.append(np.flatnonzero(waits_ns[1:]), len(ticks) - 1)  # of each chunk
+        host_ns = host_time_ns[lasts]
+        delay_us = 1e-3 * host_ns - newest_us[lasts]
+        # A chunk becomes the reference where none before is below it by more than the skew allows: the least of these.
+        level_us = delay_us - settings.max_skew_ppm * 1e-9 * (host_ns - self._reference_ns)
+        best = len(level_us) - 1 - int(np.argmin(level_us[::-1]))
+        if level_us[best] <= self._delay_us:
+            self._delay_us, self._reference_ns = float(delay_us[best]), int(host_ns[best])
+        self._newest_us = int(newest_us[-1])
+        self._last_ns = int(host_ns[-1])
+        self._chunks += len(lasts)
+        return unwrapped
+
     def locate(self, device_time_us: int, host_time_ns: int) -> int | None:
         """Unwrap one reading (EVENT, STATUS, TIME_REPLY) without taking it into account.
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Protocol
 
-from firmware_protocol.stream import StreamCounters, StreamDecoder, StreamItem
+import numpy as np
+
+from firmware_protocol.packets import OrientationBatch
+from firmware_protocol.stream import LocatedItem, StreamCounters, StreamDecoder, StreamItem
 from host.transports.chunks import AnyChunk, FrameChunk
 
 COALESCED_BYTES = 65536
@@ -76,6 +79,19 @@ class Link:
             self._decoder = decoder_for(chunk, self._node)
         self.n_bytes += len(chunk.data)
         return self._decoder.feed(chunk.data)
+
+    def feed_stretch(self, data: bytes) -> list[LocatedItem]:
+        """Decode many chunks of a byte link put end to end; what they completed, and where in them each of it ends."""
+        if self._decoder is None:
+            self._decoder = StreamDecoder()
+        self.n_bytes += len(data)
+        if isinstance(self._decoder, StreamDecoder):
+            return self._decoder.feed_located(data)
+        # Bytes on what began as a CAN link, which no recording of ours has.
+        items = self._decoder.feed(data)
+        return [
+            (item, np.full(len(item) if isinstance(item, OrientationBatch) else 1, len(data) - 1)) for item in items
+        ]
 
     def flush(self) -> list[StreamItem]:
         """Give away what the decoder still holds: the link is over.

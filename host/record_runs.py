@@ -8,6 +8,7 @@ looks like one) only breaks a run in two: it is never reached, because no record
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,11 +17,12 @@ from mcap.opcode import Opcode
 
 IntArray = npt.NDArray[np.int64]
 
+LONGEST_BYTES = 2**24
+"""A longer message is none of ours, nor a viewer's: it is left to the walk record by record."""
 HEAD_BYTES = 9
 """Kind u8, length u64."""
 MESSAGE_HEAD_BYTES = 22
 """Channel u16, sequence u32, log time u64, publish time u64."""
-_LENGTH_BYTES = 3  # of the eight, those a message of ours or of a viewer's can need
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +35,17 @@ class MessageRun:
     """(n,) offset behind each record."""
     channels: IntArray
     """(n,) channel ids."""
+
+    def chosen(self, which: npt.NDArray[np.bool_] | slice) -> Iterator[tuple[int, int, int]]:
+        """Give channel, start and end of some of them, one by one."""
+        columns = (self.channels[which], self.starts[which], self.ends[which])
+        return zip(*(column.tolist() for column in columns), strict=True)
+
+
+def _numbers(block: memoryview, dtype: str, offset: int) -> npt.NDArray[np.unsignedinteger]:
+    """See a block as numbers that begin at every byte from ``offset`` on."""
+    n = len(block) - offset - np.dtype(dtype).itemsize + 1
+    return np.ndarray((max(n, 0),), dtype, block, offset if n > 0 else 0, strides=(1,))
 
 
 class RecordRuns:
@@ -47,17 +60,11 @@ class RecordRuns:
     def __init__(self, block: memoryview) -> None:
         data = np.frombuffer(block, np.uint8)
         starts = np.flatnonzero(data[: max(len(data) - HEAD_BYTES - MESSAGE_HEAD_BYTES + 1, 0)] == Opcode.MESSAGE)
-        for column in range(HEAD_BYTES - 1, _LENGTH_BYTES, -1):
-            starts = starts[data[starts + column] == 0]
-        lengths = np.zeros(len(starts), np.int64)
-        for column in range(_LENGTH_BYTES, 0, -1):
-            lengths = lengths << 8 | data[starts + column]
+        lengths = _numbers(block, "<u8", 1)[starts].astype(np.int64)  # impossible ones come out negative, or too long
         ends = starts + HEAD_BYTES + lengths
-        whole = (lengths >= MESSAGE_HEAD_BYTES) & (ends <= len(data))
+        whole = (lengths >= MESSAGE_HEAD_BYTES) & (lengths < LONGEST_BYTES) & (ends <= len(data))
         self._starts, self._ends = starts[whole], ends[whole]
-        self._channels = data[self._starts + HEAD_BYTES].astype(np.int64) | (
-            data[self._starts + HEAD_BYTES + 1].astype(np.int64) << 8
-        )
+        self._channels = _numbers(block, "<u2", HEAD_BYTES)[self._starts].astype(np.int64)
         linked = self._starts[1:] == self._ends[:-1]
         self._breaks = np.append(np.flatnonzero(~linked), len(self._starts) - 1)
 

@@ -9,31 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from analysis.series import OrientationSeries
-from firmware_protocol.packets import Event, Info, Status
+from firmware_protocol.packets import Info, Status
 from firmware_protocol.stream import StreamCounters
 from host import recording_format as fmt
 from host.errors import UsageError
-from host.link import Link, grouped, joined
 from host.link_uri import parse_link_uri
 from host.loss_ledger import LossReport
 from host.operator_actions import OperatorAction, action_of
-from host.recording_reader import RecordingHeader, RecordingReader
-from host.sample_arrivals import SampleArrivals, clock_values
-from host.samples import SampleAssembler, SampleBlock, SegmentStart, series_of
+from host.raw_stretch import RawStretch
+from host.recorded_round_trips import RecordedRoundTrips
+from host.recording_reader import RecordedMessage, RecordingHeader, RecordingReader
+from host.sample_arrivals import clock_values
+from host.samples import SegmentStart, series_of
 from host.transports.chunks import AnyChunk
-
-MAX_EVENTS = 10_000
-"""More events than a hand can make are damage or a flood: the rest is not kept."""
-
-
-@dataclass(frozen=True, slots=True)
-class TimedEvent:
-    """An event of the object (button, marker) on the time axis of the samples."""
-
-    time_s: float
-    kind: str
-    """``BUTTON`` or ``MARKER``."""
-    value: int
+from host.trial_assembly import MAX_EVENTS, TimedEvent, TrialAssembly
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,60 +55,44 @@ class RecordedTrial:
     """What the operator did, in order, at most :data:`MAX_EVENTS`."""
 
 
-def assemble(chunks: Iterable[AnyChunk], source: str, node: int | None = None) -> RecordedTrial:
+def assemble(
+    delivered: Iterable[RawStretch | AnyChunk],
+    source: str,
+    node: int | None = None,
+    trips: RecordedRoundTrips | None = None,
+) -> RecordedTrial:
     """Turn raw chunks into a trial.
 
     Parameters
     ----------
-    chunks : iterable of AnyChunk
-        What the link delivered, in order; neighbours are joined.
+    delivered : iterable of RawStretch or AnyChunk
+        What the link delivered, in order.
     source : str
         Where they come from, for people.
     node : int, optional
         Node id of the object on a bus; by default the first that is heard.
+    trips : RecordedRoundTrips, optional
+        Told what was sent while the chunks are taken: it bounds the clock's offset.
     """
-    link, assembler = Link(node=node), SampleAssembler()
-    blocks: list[SampleBlock] = []
-    events: list[TimedEvent] = []
-    temperatures_c: list[float] = []
-    reopened = 0
-    arrivals = SampleArrivals()
-    heard_ns = 0
-    for parts in grouped(chunks):
-        chunk = joined(parts)
-        items = link.feed(chunk)
-        arrivals.feed(parts, items)
-        blocks += assembler.feed(items, chunk.host_time_ns if chunk.data else heard_ns)
-        if chunk.data:
-            heard_ns = chunk.host_time_ns
-        else:  # what was still held came before the cut
-            assembler.reopened()
-            reopened += 1
-        for item in items:
-            if isinstance(item, Event) and len(events) < MAX_EVENTS:
-                time_s = assembler.locate_s(item, chunk.host_time_ns)
-                if time_s is not None:
-                    events.append(TimedEvent(time_s, item.kind.name, item.value))
-            elif isinstance(item, Status) and len(temperatures_c) < MAX_EVENTS:
-                temperatures_c.append(item.temperature_c)
-    held = link.flush()
-    arrivals.leave_out(held)
-    blocks += assembler.feed(held, heard_ns)
-    blocks += assembler.release()
+    assembly = TrialAssembly(node, trips)
+    assembly.feed(delivered)
+    assembly.finish()
+    assembler, arrivals = assembly.assembler, assembly.arrivals
     notes = [
         f"{segment.reason} at {segment.time_s:.1f} s: later samples are placed by the host's clock"
         for segment in assembler.segments[1:]
     ]
+    notes += assembler.problems
     return RecordedTrial(
-        series=series_of(blocks, source, notes),
-        losses=assembler.losses(link.damaged_frames),
-        counters=link.counters,
+        series=series_of(assembly.blocks, source, notes),
+        losses=assembler.losses(assembly.link.damaged_frames),
+        counters=assembly.link.counters,
         info=assembler.info,
         status=assembler.status,
-        temperatures_c=tuple(temperatures_c),
-        events=tuple(events),
-        reconnects=reopened,
-        clock=clock_values(arrivals.remapped(), arrivals.n_unplaced),
+        temperatures_c=tuple(assembly.temperatures_c),
+        events=tuple(assembly.events),
+        reconnects=assembly.reopened,
+        clock=clock_values(arrivals.remapped(assembly.trips.round_trips()), arrivals.n_unplaced),
         segments=tuple(assembler.segments),
         damage=(),
         header=None,
@@ -145,20 +118,27 @@ def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
     """
     reader = RecordingReader(path, continuation)
     actions: list[OperatorAction] = []
-    trial = assemble(_chunks(reader, actions), path.name, _node(reader.header))
+    trips = RecordedRoundTrips()
+    trial = assemble(_delivered(reader, actions, trips), path.name, _node(reader.header), trips)
     return replace(trial, actions=tuple(actions), damage=tuple(reader.damage), header=reader.header)
 
 
-def _chunks(reader: RecordingReader, actions: list[OperatorAction]) -> Iterator[AnyChunk]:
-    """Give what the link delivered; collect what the operator did on the way."""
-    for message in reader.messages({fmt.RECEIVED, fmt.ACTION}):
+def _delivered(
+    reader: RecordingReader, actions: list[OperatorAction], trips: RecordedRoundTrips
+) -> Iterator[RawStretch | AnyChunk]:
+    """Give what the link delivered; collect what the operator did and what was sent on the way."""
+    for item in reader.stretches({fmt.SENT, fmt.ACTION}):
+        if not isinstance(item, RecordedMessage):
+            yield item
+            continue
         try:
-            if message.topic == fmt.RECEIVED:
-                yield fmt.decode_raw(message.data)
+            if item.topic == fmt.SENT:
+                sent = fmt.decode_raw(item.data, fmt.SENT)
+                trips.feed_sent(sent.data, sent.host_time_ns)
             elif len(actions) < MAX_EVENTS:
-                actions.append(action_of(message.values()))
+                actions.append(action_of(item.values()))
         except (ValueError, KeyError) as error:
-            reader.damage.append(f"a record of {message.topic} is damaged ({error}) and left out")
+            reader.damage.append(f"a record of {item.topic} is damaged ({error}) and left out")
 
 
 def _node(header: RecordingHeader) -> int | None:

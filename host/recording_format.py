@@ -54,7 +54,7 @@ uint32 crc32         # CRC-32 (zlib) of host_time_ns as 8 little-endian bytes, k
 uint8 kind           # 0: bytes of a link; 1: CAN frames, packed as firmware_protocol.can_frames says; 2: what was sent
 uint8[] data         # none: the link was lost and is open again
 """
-SENT_KIND = 2
+BYTES_KIND, FRAMES_KIND, SENT_KIND = range(3)
 
 QUATERNION_SCHEMA_NAME = "geometry_msgs/msg/QuaternionStamped"
 _RULE = "=" * 80
@@ -182,6 +182,10 @@ TYPES = {topic.name: topic.type for topic in TOPICS if topic.type is not None}
 
 _RAW_HEAD = struct.Struct("<4sQIB3xI")
 _CRC_HEAD = struct.Struct("<QB")
+RAW_HEAD_BYTES = _RAW_HEAD.size
+"""Of a raw message, before its data: encapsulation 4 bytes, host time u64, CRC-32 u32, kind u8, 3 spare, length u32."""
+CHECKED_HEAD_BYTES = _CRC_HEAD.size
+"""Of what its CRC-32 is taken of, before the data: host time u64, kind u8."""
 _QUATERNION = struct.Struct(f"<4siII{len(WORLD_FRAME) + 1}s{(-12 - len(WORLD_FRAME) - 1) % 8}x4d")
 _WORLD_BYTES = WORLD_FRAME.encode() + b"\0"
 
@@ -198,7 +202,7 @@ class DamagedMessageError(ValueError):
 
 def encode_raw(chunk: AnyChunk, sent: bool = False) -> bytes:
     """Make the CDR bytes of one raw chunk, received or sent."""
-    kind = SENT_KIND if sent else 1 if isinstance(chunk, FrameChunk) else 0
+    kind = SENT_KIND if sent else FRAMES_KIND if isinstance(chunk, FrameChunk) else BYTES_KIND
     crc = zlib.crc32(chunk.data, zlib.crc32(_CRC_HEAD.pack(chunk.host_time_ns, kind)))
     return _RAW_HEAD.pack(CDR_LITTLE_ENDIAN, chunk.host_time_ns, crc, kind, len(chunk.data)) + chunk.data
 
@@ -231,7 +235,7 @@ def decode_raw(message: bytes, topic: str = RECEIVED) -> AnyChunk:
         raise DamagedMessageError(f"it is of a kind this version does not know, {kind}")
     if (kind == SENT_KIND) != (topic == SENT):
         raise DamagedMessageError("it belongs to another channel")
-    return FrameChunk(data, host_time_ns) if kind == 1 else Chunk(data, host_time_ns)
+    return FrameChunk(data, host_time_ns) if kind == FRAMES_KIND else Chunk(data, host_time_ns)
 
 
 def encode_quaternion(stamp_ns: int, q_wxyz: npt.NDArray[np.float64]) -> bytes:

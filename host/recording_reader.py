@@ -26,6 +26,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from host import recording_format as fmt
 from host.errors import FileError, unreadable
+from host.raw_stretch import RawStretch, raw_stretches
 from host.record_runs import MessageRun, RecordRuns
 from host.transports.chunks import AnyChunk
 
@@ -117,16 +118,56 @@ class RecordingReader:
             try:
                 yield fmt.decode_raw(bytes(body[_MESSAGE.size :]), topic)
             except fmt.DamagedMessageError as error:
-                self.damage.append(f"a record of {topic} is damaged ({error}) and left out")
+                self._note_damaged(topic, error)
+
+    def stretches(self, topics: Iterable[str] = ()) -> Iterator[RawStretch | AnyChunk | RecordedMessage]:
+        """Give what the link delivered, in order, many chunks at a time; and, not later, the messages on other topics.
+
+        The chunks of a byte link come end to end; empty ones and those of CAN frames one by one.
+        """
+        wanted = {fmt.RECEIVED, *topics}
+        for topic, body, run in self._chosen(wanted):
+            if run is None:
+                yield from self._alone(topic, body)
+                continue
+            raw = [channel for channel, name in self._channels.items() if name == fmt.RECEIVED]
+            received = np.isin(run.channels, raw)
+            for channel, start, end in run.chosen(~received):
+                yield from self._alone(self._channels[channel], body[start:end])
+            for item in raw_stretches(body, run.starts[received], run.ends[received]):
+                if isinstance(item, fmt.DamagedMessageError):
+                    self._note_damaged(fmt.RECEIVED, item)
+                else:
+                    yield item
+
+    def _alone(self, topic: str, body: memoryview) -> Iterator[AnyChunk | RecordedMessage]:
+        if topic == fmt.RECEIVED:
+            try:
+                yield fmt.decode_raw(bytes(body[_MESSAGE.size :]))
+            except fmt.DamagedMessageError as error:
+                self._note_damaged(topic, error)
+        else:
+            yield _recorded(topic, body)
+
+    def _note_damaged(self, topic: str, error: Exception) -> None:
+        self.damage.append(f"a record of {topic} is damaged ({error}) and left out")
 
     def messages(self, topics: Iterable[str] | None = None) -> Iterator[RecordedMessage]:
         """Give the messages on some topics (all without ``topics``), in the order of the file."""
         for topic, body in self._wanted(None if topics is None else set(topics)):
-            _, _, _, time_ns = _MESSAGE.unpack_from(body)
-            yield RecordedMessage(topic, bytes(body[_MESSAGE.size :]), time_ns)
+            yield _recorded(topic, body)
 
     def _wanted(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview]]:
         """Give topic and body of the messages on some topics; the others are passed over many at a time."""
+        for topic, body, run in self._chosen(topics):
+            if run is None:
+                yield topic, body
+            else:
+                for channel, start, end in run.chosen(slice(None)):
+                    yield self._channels[channel], body[start:end]
+
+    def _chosen(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview, MessageRun | None]]:
+        """Give topic and body of single messages; or the block, and where in it lie messages on some topics."""
         self.damage.clear()
         if self._headless:
             self.damage.append("the recording's own description is damaged: link, date and settings are not known")
@@ -139,9 +180,8 @@ class RecordingReader:
                     if not names:
                         continue
                     chosen = np.isin(run.channels, list(names))
-                    columns = (run.channels[chosen], run.starts[chosen] + _FRAME.size, run.ends[chosen])
-                    for channel, start, end in zip(*(column.tolist() for column in columns), strict=True):
-                        yield names[channel], body[start:end]
+                    bodies = run.starts[chosen] + _FRAME.size
+                    yield "", body, MessageRun(bodies, run.ends[chosen], run.channels[chosen])
                     continue
                 if kind != Opcode.MESSAGE:
                     self._note_channel(kind, body)
@@ -151,7 +191,7 @@ class RecordingReader:
                     continue
                 topic = self._channels.get(_MESSAGE.unpack_from(body)[0])
                 if topic is not None and (topics is None or topic in topics):
-                    yield topic, body
+                    yield topic, body, None
 
     def _read_header(self) -> RecordingHeader:
         with self._open() as file:
@@ -255,6 +295,11 @@ class RecordingReader:
                 return
             yield kind, view[offset + _FRAME.size : end]
             offset = end
+
+
+def _recorded(topic: str, body: memoryview) -> RecordedMessage:
+    _, _, _, time_ns = _MESSAGE.unpack_from(body)
+    return RecordedMessage(topic, bytes(body[_MESSAGE.size :]), time_ns)
 
 
 def parse_header(metadata: Metadata) -> RecordingHeader | None:

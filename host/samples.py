@@ -158,6 +158,29 @@ class SampleAssembler:
                 blocks += self._feed_item(item, host_time_ns) if self._held is None else self._hold(item, host_time_ns)
         return blocks
 
+    def feed_run(self, batch: OrientationBatch, host_time_ns: IntArray) -> SampleBlock | None:
+        """Take the samples of many chunks at once, where nothing about them is in doubt.
+
+        Parameters
+        ----------
+        batch : OrientationBatch
+            n >= 1 samples in wire order, no other packet between them.
+        host_time_ns : (n,) int64
+            Reception of each sample's chunk.
+
+        Returns
+        -------
+        SampleBlock or None
+            The new samples, the same as :meth:`feed` gives chunk by chunk. None, and nothing is taken in, where a
+            segment begins, samples are held back, or the clock may jump: then feed the chunks one by one.
+        """
+        if self._held is not None or self.foreign or self._open_reason is not None:
+            return None
+        times_us = self._clock.feed_many(batch.device_time_us, host_time_ns)
+        if times_us is None:
+            return None
+        return self._feed_piece(batch, times_us, slice(None), int(host_time_ns[-1]))
+
     def _feed_item(self, item: StreamItem, host_time_ns: int) -> list[SampleBlock]:
         if isinstance(item, OrientationBatch):
             return self._feed_batch(item, host_time_ns)

@@ -12,6 +12,8 @@ IntArray = npt.NDArray[np.int64]
 HALF = SEQUENCE_MODULUS // 2
 MAX_PERIOD_SAMPLES = 32
 """Longest run over which the sample period is measured."""
+FEW = 100
+"""Up to so many samples a loop is faster than arrays. Measured."""
 
 
 class SequenceUnwrapper:
@@ -93,11 +95,17 @@ class SequenceUnwrapper:
         if not 0 < elapsed_us < HALF // 2 * self._period_us:
             return None
         wanted = self._last + 1
-        for number in sequence.tolist():
-            if number != wanted % SEQUENCE_MODULUS:
+        if n > FEW:
+            run = np.arange(wanted, wanted + n, dtype=np.int64)
+            if not np.array_equal(run.astype(np.uint16), sequence):  # the cast wraps as the numbers do
                 return None
-            wanted += 1
-        run = np.arange(self._last + 1, wanted, dtype=np.int64)
+            wanted += n
+        else:
+            for number in sequence.tolist():
+                if number != wanted % SEQUENCE_MODULUS:
+                    return None
+                wanted += 1
+            run = np.arange(self._last + 1, wanted, dtype=np.int64)
         self._last, self._last_us = wanted - 1, int(device_time_us[-1])
         self._period_us += (elapsed_us / n - self._period_us) / MAX_PERIOD_SAMPLES
         return run
