@@ -67,6 +67,8 @@ class MotionSettings:
     """Change of the cycle's duration from the first to the last cycle as a fraction of the period."""
     amplitude_variation: float = number(0.0, 0.0, 0.3)
     """Standard deviation of a cycle's swing as a fraction of it, at the extreme that is not primary."""
+    amplitude_trend: float = number(0.0, -0.9, 0.9)
+    """Change of the swing from the first to the last cycle as a fraction of it, at the extreme that is not primary."""
     initial_q_wxyz: tuple[float, float, float, float] = vector((1.0, 0.0, 0.0, 0.0), unit=True)
     """Pose at rest before the motion, body to world."""
     begins: str = choice("on-start", "on-start", "at-power-up")
@@ -186,8 +188,9 @@ class HandMotion:
             total /= np.linalg.norm(total)
 
         wobble = np.random.default_rng([seed, _AMPLITUDE_STREAM]).standard_normal(n + 1).clip(-3.0, 3.0)
-        swing = np.radians(motion.swing_deg) * np.maximum(1.0 + motion.amplitude_variation * wobble, 0.2)
-        self._swings_rad = swing
+        trend = motion.amplitude_trend * (np.arange(n + 1) / max(n, 1) - 0.5)
+        scale = np.maximum(1.0 + trend + motion.amplitude_variation * wobble, 0.2)
+        self._swings_rad = np.radians(motion.swing_deg) * scale
         self.periods_s = self._durations(seed)
         self._phase_knots, self._time_knots = self._knots()
         self._settle = np.array([1.0, 0.0, 0.0, 0.0])

@@ -10,7 +10,7 @@ from collections import deque
 from statistics import median
 
 from analysis.uncertainty import MIN_STEPS
-from host.trial_state import Alarm, TrialState
+from host.trial_state import Alarm, CycleRow, TrialState
 
 MOVING_DPS = 3.0
 """Turning rate above which the object is moved."""
@@ -24,6 +24,8 @@ SWING_ENDPOINTS = 4
 """End points before the swing is compared."""
 STEP_FACTOR, STEP_DEG = 6.0, 5.0
 """A step is sudden above both: so many times the median step, and so many degrees."""
+JUMP_FACTOR = 2.0
+"""So many times the median step must be a jump of the pose that the detector flags."""
 DROP_DPS = 500.0
 """A turning rate no hand reaches on purpose."""
 LOSS_RAISE, LOSS_CLEAR = 0.01, 0.005
@@ -99,7 +101,7 @@ class AlarmWatch:
             self._hold(
                 "clock",
                 now_s,
-                f"{link.segment_reason or 'the device clock jumped'}; what follows is placed by the host's clock",
+                f"{link.segment_reason or 'the device clock jumped'}; the host's clock places what follows",
             )
         self._segments = max(self._segments, link.segments)
         losses = link.losses
@@ -116,22 +118,24 @@ class AlarmWatch:
         )
 
     def _sudden(self, state: TrialState, before: TrialState, now_s: float) -> None:
-        rate = state.motion.turn_rate_dps or 0.0
+        rate = state.motion.peak_rate_dps or 0.0
         if rate > DROP_DPS:
             self._hold("reorientation", now_s, f"it turned at {rate:.0f}°/s: was it dropped?")
         row = state.cycles[-1] if state.cycles else None
         if row is not None and row.step_deg is not None and before.cycles[-1:] != state.cycles[-1:]:
-            steps = [other.step_deg for other in state.cycles[:-1] if other.step_deg is not None]
-            usual = median(steps) if steps else 0.0
-            large = len(steps) >= 2 and row.step_deg > max(STEP_DEG, STEP_FACTOR * usual)
-            if large or "pose jump" in row.flags:
+            steps, periods = _usual(state.cycles[:-1])
+            # A step over a gap spans several cycles, and is as many times as long.
+            spanned = max(1, round(row.period_s / periods)) if row.period_s and periods else 1
+            share_deg = row.step_deg / spanned
+            large = len(state.cycles) > 3 and share_deg > max(STEP_DEG, STEP_FACTOR * steps)
+            if large or ("pose jump" in row.flags and share_deg > JUMP_FACTOR * steps):
                 self._hold(
                     "reorientation",
                     now_s,
                     f"cycle {row.number} moved it {row.step_deg:.1f}°: dropped, regrasped? (x: exclude)",
                 )
         if state.sensor.saturated:
-            self._hold("saturation", now_s, "the motion is beyond the sensor's range: slower, or do not trust θ̄")
+            self._hold("saturation", now_s, "beyond the sensor's range: turn slower, or do not trust θ̄")
 
     def _no_cycles(self, state: TrialState, before: TrialState) -> None:
         moving = (state.motion.turn_rate_dps or 0.0) > MOVING_DPS
@@ -184,6 +188,13 @@ class AlarmWatch:
             not known or (theta is not None and floor is not None and theta > FLOOR_CLEAR * floor),
             f"θ̄ is below the sensor's floor of {floor or 0.0:.2g}°, no drift at all looks the same; more cycles help",
         )
+
+
+def _usual(rows: tuple[CycleRow, ...]) -> tuple[float, float]:
+    """Medians of the steps, deg, and of the periods, s; 0 where there are none."""
+    steps = [row.step_deg for row in rows if row.step_deg is not None]
+    periods = [row.period_s for row in rows if row.period_s is not None]
+    return (median(steps) if steps else 0.0), (median(periods) if periods else 0.0)
 
 
 ORDER = ("link", "saturation", "reorientation", "losses", "clock", "no cycles", "axis", "swing", "floor")

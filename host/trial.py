@@ -31,6 +31,8 @@ from host.trial_state import CycleRow, LinkView, MotionView, SensorView, TrialSt
 
 TURN_S = 0.5
 """Stretch over which the turning rate is taken."""
+PEAK_S = 1.0
+"""How long the fastest turn is kept: longer than from one picture to the next."""
 SATURATION_S = 1.0
 """How long a saturated sample is shown."""
 
@@ -94,10 +96,12 @@ class Trial:
         """End points so far, and the operator's edits."""
         self._baseline = baseline
         self._recent: deque[tuple[float, npt.NDArray[np.float64]]] = deque(maxlen=64)
+        self._peak = (-np.inf, 0.0)  # when the object turned fastest of late, and how fast, deg/s
         self._saturated_s = -np.inf
         self._withdrawn = 0
         self._newest_s = 0.0
         self._last_block: SampleBlock | None = None
+        self._sampled_ns: int | None = None  # when the last sample came, also one that has no place yet
         self._heard_ns = 0  # when the newest chunk was received
         self.reconnects = 0
         """How often the link was lost and opened again."""
@@ -139,6 +143,8 @@ class Trial:
 
     def _feed_items(self, items: list[StreamItem]) -> TrialUpdate:
         decoded = self._feed_clock(items, self._heard_ns)
+        if decoded:
+            self._sampled_ns = self._heard_ns
         cycles: list[CycleRow] = []
         for block in self.assembler.feed(items, self._heard_ns):
             self._rate.add(len(block), self._heard_ns)
@@ -186,6 +192,7 @@ class Trial:
                 cycle_phase=online.phase if online.endpoints else None,
                 flags=online.flags,
                 turn_rate_dps=self._turn_rate_dps(),
+                peak_rate_dps=self._peak[1] if self._recent else None,
             ),
             sensor=self._sensor_view(),
             link=self._link_view(link, now_ns),
@@ -224,8 +231,7 @@ class Trial:
 
     def _feed_block(self, block: SampleBlock) -> list[CycleRow]:
         self._newest_s = max(self._newest_s, float(block.time_s.max()))
-        if not self._recent or block.time_s[-1] - self._recent[-1][0] >= TURN_S / 16:
-            self._recent.append((float(block.time_s[-1]), block.quats_wxyz[-1]))
+        self._look_at_rate(float(block.time_s[-1]), block.quats_wxyz[-1])
         if np.any(block.flags & OrientationFlag.SATURATED):
             self._saturated_s = self._newest_s
         # Samples that come late are in the recording; the detector, being causal, passes them over.
@@ -235,6 +241,17 @@ class Trial:
             self._withdrawn = withdrawn
             self.score.forget()
         return [self.score.enter(endpoint) for endpoint in found]
+
+    def _look_at_rate(self, time_s: float, quat: npt.NDArray[np.float64]) -> None:
+        """Keep a pose now and then, and the fastest turn between two of them."""
+        if self._recent:
+            before_s, before = self._recent[-1]
+            if time_s - before_s < TURN_S / 16:
+                return
+            rate_dps = float(np.degrees(rotations.distance(quat, before))) / (time_s - before_s)
+            if time_s - self._peak[0] > PEAK_S or rate_dps > self._peak[1]:
+                self._peak = (time_s, rate_dps)
+        self._recent.append((time_s, quat))
 
     def _turn_rate_dps(self) -> float | None:
         """Mean turning rate over the last half second, deg/s."""
@@ -277,11 +294,11 @@ class Trial:
     def _link_view(self, link: LinkView, now_ns: int) -> LinkView:
         counters = self.link.counters
         estimate = self._clock.estimate()
-        block, segments = self._last_block, self.assembler.segments
+        segments = self.assembler.segments
         return replace(
             link,
             rate_hz=self._rate.rate_hz(now_ns),
-            silent_s=0.0 if block is None else max(0.0, (now_ns - block.host_time_ns) / 1e9),
+            silent_s=0.0 if self._sampled_ns is None else max(0.0, (now_ns - self._sampled_ns) / 1e9),
             n_bytes=self.link.n_bytes,
             losses=self.assembler.losses(self.link.damaged_frames),
             crc_errors=counters.crc_errors,

@@ -110,6 +110,8 @@ class MotionView:
     """What to look at now: gap, axis ambiguous, noisy, pause."""
     turn_rate_dps: float | None = None
     """How fast the object turns, mean over the last half second, deg/s; None before the first sample."""
+    peak_rate_dps: float | None = None
+    """Its fastest turn of the last second, over some 30 ms, deg/s; None before the first sample."""
 
 
 @dataclass(frozen=True, slots=True)

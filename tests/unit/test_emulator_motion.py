@@ -133,6 +133,16 @@ def test_amplitude_variation_leaves_the_primary_end_points_alone():
     assert np.abs(steps_rad(varied.other().quats_wxyz) - steps_rad(plain.other().quats_wxyz)).max() > 0.01
 
 
+def test_an_amplitude_trend_narrows_the_other_extreme_only():
+    narrowing = HandMotion(MotionSettings(amplitude_trend=-0.5), DriftSettings(mode="none"), seed=3)
+    np.testing.assert_allclose(steps_rad(narrowing.primary().quats_wxyz), 0.0, atol=1e-12)
+    near, far = narrowing.other().quats_wxyz, narrowing.primary().quats_wxyz
+    swings_deg = np.degrees(2 * np.arccos(np.abs((near * far).sum(axis=1)).clip(0, 1)))
+    assert (np.diff(swings_deg) < 0).all()
+    assert swings_deg[0] == pytest.approx(40 * 1.25, rel=0.05)
+    assert swings_deg[-1] == pytest.approx(40 * 0.75, rel=0.05)
+
+
 def test_an_object_that_never_moves():
     hand = HandMotion(MotionSettings(cycles=0, lead_in_s=60.0, lead_out_s=0.0), DriftSettings(), seed=1)
     assert hand.duration_s == 60.0

@@ -81,7 +81,9 @@ def test_a_sudden_step_and_a_fall_are_told_for_a_while():
     assert watched.see(slipped) == ("reorientation",)
     assert watched.see(slipped, HOLD_S - 2) == ("reorientation",)
     assert watched.see(slipped, 3.0) == ()
-    assert watched.see(state(7, rate=900.0)) == ("reorientation",)
+    fallen = state(7)
+    fallen = replace(fallen, motion=replace(fallen.motion, peak_rate_dps=900.0))
+    assert watched.see(fallen) == ("reorientation",)
 
 
 def test_a_pose_jump_is_sudden_too():
