@@ -26,6 +26,8 @@ from host.plain_text import plain
 from host.recorded_trial import RecordedTrial
 from host.version import VERSION
 
+IGNORED = "the operator's trial window and left-out cycles do not count here, as asked"
+
 
 @dataclass(frozen=True, slots=True)
 class ScoreOptions:
@@ -63,7 +65,8 @@ def score_trial(
         Chosen end points or window do not fit the recording, or the baseline file is none.
     """
     options = options or ScoreOptions()
-    edits = edits_of(trial.actions) if options.honour_actions else OperatorEdits()
+    done = edits_of(trial.actions)
+    edits = done if options.honour_actions else OperatorEdits()
     honoured = options.window is None and options.endpoints is None and edits.window is not None
     if honoured:
         options = replace(options, window=edits.window)
@@ -95,7 +98,8 @@ def score_trial(
     }
     if capture is not None:
         extra["capture"] = capture
-    warnings = (*verdict.reasons, *trial_warnings(trial), *score.warnings)
+    ignored = (IGNORED,) if edits != done else ()
+    warnings = (*ignored, *verdict.reasons, *trial_warnings(trial), *score.warnings)
     return replace(score, warnings=warnings, extra=finite_mapping(extra))
 
 

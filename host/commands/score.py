@@ -33,6 +33,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--from", dest="start", type=_bound, metavar="S|MARKER", help="begin of the window: seconds, or m1 for a marker"
     )
     parser.add_argument("--to", dest="end", type=_bound, metavar="S|MARKER", help="end of the window")
+    parser.add_argument(
+        "--ignore-actions",
+        action="store_true",
+        help="score as if the operator had set no trial window and left no cycle out",
+    )
     parser.add_argument("--columns", metavar="SPEC", help="what the columns are: t=time,qw=w,qx=x,qy=y,qz=z")
     parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where the file has no time stamps")
     parser.add_argument("--topic", metavar="NAME", help="which topic of a bag")
@@ -156,7 +161,7 @@ def score_file(path: Path, args: argparse.Namespace) -> ScoredRecording:
         raise UsageError(str(error)) from error
     return score_recording(
         path,
-        ScoreOptions(None, chosen, args.baseline, args.as_published),
+        ScoreOptions(None, chosen, args.baseline, args.as_published, not args.ignore_actions),
         ReadOptions(args.columns, args.rate, args.topic, args.node),
         window,
     )
