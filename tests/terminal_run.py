@@ -1,6 +1,7 @@
 """The command in a real terminal: what is on its screen, keys pressed, modes left behind."""
 
 import contextlib
+import re
 import termios
 import time
 
@@ -8,6 +9,8 @@ import pexpect
 import pyte
 
 from tests.command_line import BASE, environment
+
+_CYCLES = re.compile(r"(\d+)(?: of \d+)? cycles?\b.*\d\d:\d\d")  # with the time beside it, as the dashboard has
 
 
 class Terminal:
@@ -49,6 +52,14 @@ class Terminal:
         deadline = time.monotonic() + within_s
         while text not in self.text:
             assert time.monotonic() < deadline, f"{text!r} was not seen in:\n{self.text}"
+            self.read()
+        return self.text
+
+    def wait_for_cycles(self, count, within_s=30.0):
+        """Wait until the screen counts so many cycles, or more: one that is busy elsewhere skips pictures."""
+        deadline = time.monotonic() + within_s
+        while not any(int(shown) >= count for shown in _CYCLES.findall(self.text)):
+            assert time.monotonic() < deadline, f"{count} cycles were not seen in:\n{self.text}"
             self.read()
         return self.text
 
