@@ -28,7 +28,7 @@ RECONSTRUCTION = (
     "(0 w, 1 x, 2 y, 3 z): it is sqrt(1 - a*a - b*b - c*c) of the other three, and positive "
     "(q and -q are the same orientation). "
     f"A component is (raw - {SMALLEST_THREE_OFFSET}) / {SMALLEST_THREE_SCALE!r}. "
-    "Signal QuatX_0 is x where LargestIndex is 0. "
+    "Signal QuatX_0 is x where LargestIndex is 0. All 56 bits set: no orientation just now. "
     "The device time of the sample follows from TIME, its flags from SAMPLE_STATE."
 )
 _COMPONENTS = "WXYZ"

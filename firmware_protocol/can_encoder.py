@@ -14,6 +14,7 @@ from firmware_protocol.can_mapping import (
     COUNTER_MODULUS,
     GRID_TOLERANCE_US,
     IMU_LAYOUT,
+    NO_ORIENTATION,
     CanFunction,
     CanId,
     SampleState,
@@ -280,7 +281,8 @@ def _smallest_three(samples: Sequence[bytes]) -> list[int]:
         return []
     layout = np.dtype([("head", "u1", (7,)), ("q", "<i2", (4,)), ("flags", "u1")])
     quats, good = quats_from_q15(np.frombuffer(b"".join(samples), layout)["q"])
-    if not good.all():
-        raise PacketValueError("an ORIENTATION packet holds no unit quaternion")
-    codes: list[int] = quats_to_smallest_three(quats).tolist()
-    return codes
+    quats[~good] = (1.0, 0.0, 0.0, 0.0)
+    codes = quats_to_smallest_three(quats)
+    codes[~good] = NO_ORIENTATION
+    listed: list[int] = codes.tolist()
+    return listed

@@ -7,7 +7,8 @@ only). 29-bit ids, ids below 0x020 and functions not listed are other people's.
 **Classic frames.** A packet of at most 8 bytes travels as it is, type byte first (commands, ACK, EVENT). The others:
 
 - ORIENTATION: byte 0 = sample counter modulo 256, bytes 1-7 = 56-bit smallest-three quaternion, little endian (the
-  component left out in bits 62-63, then 18 bits each; :mod:`firmware_protocol.quantization`).
+  component left out in bits 62-63, then 18 bits each; :mod:`firmware_protocol.quantization`). All ones: the object has
+  no orientation just now.
 - SAMPLE_STATE: sample counter u32, flags u8, rate u16 Hz, boot tag u8. "From this sample on": the flags of a sample are
   those of the last SAMPLE_STATE, so it is sent whenever they change, and before every TIME.
 - TIME: sample counter u32 and the device time u32 µs of the sample with that counter. Sent before that sample, at least
@@ -91,6 +92,8 @@ EXACT_LENGTHS: dict[CanFunction, int] = {
     CanFunction.RAW_ACCELERATION: 7,
 }
 """Lengths of classic frames; the others carry packets as they are, 1-8 bytes."""
+NO_ORIENTATION = (1 << 56) - 1
+"""Quaternion bits of an object whose filter failed: three components that no unit quaternion has. Listeners reject it."""
 WHOLE_ORIENTATION_BYTES = 20
 """Length byte, 16 bytes of ORIENTATION, 3 zeros."""
 

@@ -314,6 +314,13 @@ class Session:
 
     def _no_answer(self) -> NoAnswerError:
         seconds = f"{self.settings.handshake_s:.0f} s"
+        if self._link_name.startswith("can:"):
+            heard = "frames came, but none that an object would send" if self._bytes_received else "no frame came"
+            return NoAnswerError(
+                f"nothing answers at {self._link_name}: {heard} within {seconds}",
+                "check node id and bit rate in the link, and that the object is switched on; "
+                "`rotdrift ports --probe` lists the objects on a bus",
+            )
         if self._bytes_received:
             return NoAnswerError(
                 f"{self._link_name} sends bytes ({self._bytes_received} in {seconds}), but nothing an object would say",

@@ -5,7 +5,10 @@ Nobody tells whether anybody listens, so samples are sent from power-up on, as o
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import socket
+import sys
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -79,6 +82,8 @@ class PythonCanLink(Link):
             self._bus = can.Bus(interface=address.interface, channel=address.channel, **options)
         except _DRIVER_ERRORS as error:
             raise LinkError(f"can:{address.interface}:{address.channel} does not open: {error}") from error
+        if address.interface == "udp_multicast":
+            _hear_own_group_only(self._bus)
 
     def close(self) -> None:
         """Leave the bus."""
@@ -153,6 +158,15 @@ class PythonCanLink(Link):
             self._early = self._next(timeout_s)
             if self._early is None:  # a bus that is down fails at once
                 time.sleep(max(min(timeout_s - (time.monotonic() - started), timeout_s), 0.0))
+
+
+def _hear_own_group_only(bus: Any) -> None:  # noqa: ANN401 (its socket is no part of BusABC)
+    """On Linux, a socket gets what is sent to any group that anybody on this machine has joined: end that."""
+    sock = getattr(getattr(bus, "_multicast", None), "_socket", None)
+    if sock is not None and sys.platform == "linux":
+        level, option = (41, 29) if sock.family == socket.AF_INET6 else (0, 49)  # IPV6_/IP_MULTICAST_ALL
+        with contextlib.suppress(OSError):
+            sock.setsockopt(level, option, 0)
 
 
 def _message(frame: CanFrame) -> can.Message:

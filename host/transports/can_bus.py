@@ -18,6 +18,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections import deque
 from typing import Any
 
 import can
@@ -42,6 +43,8 @@ MAX_FRAMES = 1024
 SEND_TIMEOUT_S = 1.0
 DOWN_S = 30.0
 """How long an interface may be down before the link counts as lost."""
+ECHOING = frozenset({"udp_multicast"})
+"""Interfaces that hand us what we sent ourselves, unasked."""
 SETTLING_S = 3.0
 """Without a node id in the link, a second object heard within this time is a question to the user."""
 
@@ -90,6 +93,7 @@ class CanTransport(ClosingTransport):
         self._node_since = time.monotonic()
         self._channels: dict[bool, LongPacketChannel] = {}
         self._lock = threading.Lock()
+        self._echoes: deque[tuple[int, bytes]] | None = deque(maxlen=64) if settings.interface in ECHOING else None
         self._down_since: float | None = None
         self._closed = False
 
@@ -152,6 +156,9 @@ class CanTransport(ClosingTransport):
         node = self._settings.node
         if frame.flags & FrameFlag.ERROR:
             return True
+        if self._echoes and (frame.arbitration_id, frame.data) in self._echoes:
+            self._echoes.remove((frame.arbitration_id, frame.data))
+            return False
         if not frame.flags & FrameFlag.EXTENDED and (node is None or frame.arbitration_id & NODE_MASK == node):
             return True
         self.health.filtered_frames += 1
@@ -214,6 +221,8 @@ class CanTransport(ClosingTransport):
             bitrate_switch=bool(frame.flags & FrameFlag.BITRATE_SWITCH),
             data=frame.data,
         )
+        if self._echoes is not None:
+            self._echoes.append((frame.arbitration_id, frame.data))
         try:
             with self._lock:
                 self._bus.send(message, timeout=SEND_TIMEOUT_S)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import logging
 import re
+import socket
+import sys
 import time
 import warnings
 from dataclasses import dataclass
@@ -131,6 +134,8 @@ def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries:
             time.sleep(0.05)  # a server for one client may not have noticed yet that the last one has gone
             return open_bus(settings, name, existing_ports, tries - 1)
         raise _open_error(error, settings, name, existing_ports) from error
+    if settings.interface == "udp_multicast":
+        _hear_own_group_only(bus)
     if settings.interface == "slcan":
         try:
             _await_adapter(bus, settings)
@@ -177,6 +182,15 @@ def _bus_options(settings: CanSettings) -> dict[str, Any]:
     if settings.fd:
         options["fd"] = True
     return options
+
+
+def _hear_own_group_only(bus: Any) -> None:  # noqa: ANN401 (its socket is no part of BusABC)
+    """On Linux, a socket gets what is sent to any group that anybody on this machine has joined: end that."""
+    sock = getattr(getattr(bus, "_multicast", None), "_socket", None)
+    if sock is not None and sys.platform == "linux":
+        level, option = (41, 29) if sock.family == socket.AF_INET6 else (0, 49)  # IPV6_/IP_MULTICAST_ALL
+        with contextlib.suppress(OSError):
+            sock.setsockopt(level, option, 0)
 
 
 def _await_adapter(bus: Any, settings: CanSettings) -> None:  # noqa: ANN401 (slcanBus; its port is no part of BusABC)

@@ -280,3 +280,17 @@ def test_one_frame_at_a_time_gives_the_same_to_the_last_bit(fd: bool) -> None:
             assert getattr(one, name).dtype == getattr(other, name).dtype
     assert decoders[0].counters == decoders[1].counters == decoders[2].counters
     assert decoders[0].counters.malformed == decoders[0].counters.duplicates == 1
+
+
+@pytest.mark.parametrize("fd", [False, True])
+def test_an_object_whose_filter_fails_is_rejected_and_every_other_sample_kept(fd: bool) -> None:
+    packets = sample_packets(1000)
+    for k in (100, 101, 500):
+        packets[k] = packets[k][:7] + bytes(8) + packets[k][15:]  # no quaternion at all
+    packets[700] = packets[700][:7] + b"\x00\x20" + bytes(6) + packets[700][15:]  # a quarter of the length
+    frames = timed(object_at(3, fd), packets, MS)
+    decoder = CanStreamDecoder(3)
+    got = joined(fed(decoder, frames, 9))
+    assert got.sequence.tolist() == [k for k in range(1000) if k not in (100, 101, 500, 700)]
+    assert decoder.counters.malformed == 4
+    assert decoder.counters.samples_lost == 4  # the ledger takes the malformed ones off
