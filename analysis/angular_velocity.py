@@ -60,6 +60,31 @@ class Motion:
         """Smooth ω further with a Gaussian, s; 0 leaves it as it is."""
         return replace(self, omega=_gaussian(self.omega, sigma_s * self.rate_hz)) if sigma_s > 0.0 else self
 
+    def with_moving_share(self, moving_share: float, *, path_share: float = 0.5, percentile: float = 90.0) -> Motion:
+        """Say anew what counts as moving: a share of a percentile of the speed, idle time set aside.
+
+        Idle time is what is slower than a twentieth of the speed up to which ``path_share`` of all turning is done: a
+        trial of 20 s in a recording of ten minutes has the same working speed as the trial alone.
+        """
+        ordered = np.sort(self.speed)
+        path = np.cumsum(ordered)
+        middle = ordered[min(int(np.searchsorted(path, path_share * path[-1])), len(ordered) - 1)]
+        busy = ordered[np.searchsorted(ordered, 0.05 * middle) :]
+        return replace(self, threshold=max(moving_share * float(np.percentile(busy, percentile)), _MIN_SPEED))
+
+    def limited(self, factor: float) -> Motion:
+        """Cut speeds above ``factor`` times the usual one (the median while moving); directions stay.
+
+        Dropping the object or putting it in place is often faster than any cycle. Uncut, one such stroke outweighs a
+        whole slow trial in every sum over ω².
+        """
+        speed = np.linalg.norm(self.omega, axis=1)
+        moving = speed[self.speed > self.threshold]
+        limit = factor * float(np.median(moving if len(moving) else speed)) if len(speed) else 0.0
+        if limit <= 0.0 or speed.max() <= limit:
+            return self
+        return replace(self, omega=self.omega * np.minimum(1.0, limit / np.maximum(speed, 1e-300))[:, None])
+
     def active(self) -> tuple[int, int]:
         """First and last (excluded) grid interval whose speed counts as moving; (0, 0) where nothing moves."""
         moving = np.flatnonzero(self.speed > self.threshold)
@@ -88,7 +113,7 @@ def angular_velocity(
     sigma_s
         Standard deviation of the Gaussian, s.
     moving_share
-        What counts as moving, as a share of the 90th percentile of the speed while the object is not idle.
+        What counts as moving, see :meth:`Motion.with_moving_share`.
 
     Returns
     -------
@@ -111,7 +136,7 @@ def angular_velocity(
         omega[start:stop] = steps[start - first : stop - first]
     steady = _gaussian(omega, _NOISE_SIGMA_S * rate_hz)  # hours of noise at rest must not outweigh a minute of motion
     speed = _gaussian(np.linalg.norm(steady, axis=1), _SPEED_SIGMA_S * rate_hz)
-    return Motion(float(times_s[0]), rate_hz, omega, speed, max(moving_share * _working_speed(speed), _MIN_SPEED))
+    return Motion(float(times_s[0]), rate_hz, omega, speed, _MIN_SPEED).with_moving_share(moving_share)
 
 
 def _resample(times_s: FloatArray, quats: FloatArray, grid_s: FloatArray) -> FloatArray:
@@ -126,16 +151,3 @@ def _gaussian(values: FloatArray, sigma: float) -> FloatArray:
     from scipy import ndimage  # slow to import; `rotdrift --help` must not pay for it
 
     return np.asarray(ndimage.gaussian_filter1d(values, sigma, axis=0, mode="nearest"), dtype=np.float64)
-
-
-def _working_speed(speed: FloatArray) -> float:
-    """90th percentile of the speed, idle time set aside.
-
-    Idle time is what is slower than a twentieth of the speed at which half of all turning is done: a trial of
-    20 s in a recording of ten minutes has the same working speed as the trial alone.
-    """
-    ordered = np.sort(speed)
-    path = np.cumsum(ordered)
-    middle = ordered[min(int(np.searchsorted(path, 0.5 * path[-1])), len(ordered) - 1)]
-    busy = ordered[np.searchsorted(ordered, 0.05 * middle) :]
-    return float(np.percentile(busy, 90.0))

@@ -19,6 +19,12 @@ class CycleSettings:
     """Gaussian smoothing of the orientation, s. End points themselves are averaged from unsmoothed samples."""
     moving_share: float = 0.15
     """The object moves where its speed is above this share of its working speed."""
+    slow_path_share: float = 0.1
+    """Where nothing is found, what is slow is looked at again: the first tenth of all turning, from slow to fast."""
+    speed_limit: float = 3.0
+    """Faster strokes count as this many times the usual speed when the period and the axis are looked for."""
+    period_sigma: float = 0.025
+    """Smoothing of ω with which the period is looked for a second time, periods."""
     more_sigma_s: tuple[float, ...] = (0.1, 0.25)
     """Further smoothing of ω tried, one after the other, where noise hides the period, s."""
     min_sigmas: float = 8.0

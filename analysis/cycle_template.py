@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from analysis.angular_velocity import Motion
 from analysis.series import FloatArray, IntArray
 from analysis.turning_points import TurningPoints
 
@@ -14,27 +15,29 @@ _ROUNDS = 3
 _SEARCH_PERIODS = 0.15
 
 
-def axis_speeds(omega: FloatArray, angle: FloatArray, rate_hz: float) -> FloatArray:
-    """Speed along the motion axis, and across it less its mean.
+def axis_speeds(motion: Motion, angle: FloatArray, speed_limit: float) -> FloatArray:
+    """Speed along the motion axis, and across it.
 
     Unlike ω itself, these stay the same from cycle to cycle when drift has turned the motion axis far away.
 
     Parameters
     ----------
-    omega
-        (m, 3) rad/s.
+    motion
+        m grid intervals.
     angle
         (m + 1,) angle about the motion axis, rad.
-    rate_hz
-        Grid points per second.
+    speed_limit
+        Faster strokes are cut to this many times the usual speed (:meth:`Motion.limited`).
 
     Returns
     -------
     (m, 2) rad/s.
     """
-    along = np.diff(angle) * rate_hz
-    across = np.sqrt(np.maximum(np.einsum("ij,ij->i", omega, omega) - along * along, 0.0))
-    return np.stack((along, across - across.mean()), axis=1)
+    along = np.diff(angle) * motion.rate_hz
+    speed = np.linalg.norm(motion.omega, axis=1)
+    limited = np.linalg.norm(motion.limited(speed_limit).omega, axis=1)
+    along *= limited / np.maximum(speed, 1e-300)
+    return np.stack((along, np.sqrt(np.maximum(limited * limited - along * along, 0.0))), axis=1)
 
 
 def locked_cycles(speeds: FloatArray, period: int) -> IntArray:
@@ -45,7 +48,7 @@ def locked_cycles(speeds: FloatArray, period: int) -> IntArray:
     Parameters
     ----------
     speeds
-        (m, k) what is compared, from :func:`axis_speeds`.
+        (m, 2) what is compared, from :func:`axis_speeds`.
     period
         Grid intervals per cycle, at most m / 2.
 
@@ -59,12 +62,17 @@ def locked_cycles(speeds: FloatArray, period: int) -> IntArray:
         return np.empty(0, dtype=np.int64)
     # The cut between cycles falls anywhere: at both ends there may be a piece of a cycle, and rest beyond it.
     speeds = np.pad(speeds, ((period, period), (0, 0)))
+    work = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", speeds, speeds))))
+    work = work[period:] - work[:-period]
+    at_rest = work < _MIN_ENERGY_SHARE * np.median(work)
+    speeds = np.stack((speeds[:, 0], speeds[:, 1] - speeds[:, 1].mean()), axis=1)  # the second is never below 0
     power = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", speeds, speeds))))
     energy = np.maximum(power[period:] - power[:-period], 1e-100)  # of the window starting at each interval
     products = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", speeds[period:], speeds[:-period]))))
     overlap = products[period:] - products[:-period]
-    likeness = overlap / np.sqrt(energy[: len(overlap)] * energy[period : period + len(overlap)])
-    likeness[energy[: len(overlap)] < _MIN_ENERGY_SHARE * np.median(energy)] = -1.0
+    this, following = energy[: len(overlap)], energy[period : period + len(overlap)]
+    likeness = overlap / np.sqrt(this * following)
+    likeness[at_rest[: len(overlap)] | at_rest[period : period + len(overlap)]] = -1.0  # one rest is like another
     seed = int(np.argmax(likeness))
     template = speeds[seed : seed + period]
     starts = np.empty(0, dtype=np.int64)
@@ -72,7 +80,7 @@ def locked_cycles(speeds: FloatArray, period: int) -> IntArray:
         own = float(np.einsum("ij,ij->", template, template))
         match = sum(signal.oaconvolve(speeds[:, k], template[::-1, k], mode="valid") for k in range(speeds.shape[1]))
         likeness = np.asarray(match, dtype=np.float64) / np.sqrt(energy * own)
-        likeness[energy < _MIN_ENERGY_SHARE * own] = -1.0
+        likeness[at_rest | (energy < _MIN_ENERGY_SHARE * own)] = -1.0
         padded = np.concatenate(([-2.0], likeness, [-2.0]))
         peaks, _ = signal.find_peaks(padded, height=_MIN_LIKENESS, distance=max(int(_MIN_SPACING * period), 1))
         if len(peaks) == 0:

@@ -1,8 +1,8 @@
 """Where each cycle ends, found offline from the orientation alone, with no number set per recording.
 
 The steps, in order: angular velocity on an even grid (:mod:`analysis.angular_velocity`); the active part; the period
-(:mod:`analysis.period`); the motion axis and the angle about it (:mod:`analysis.motion_axis`); its turning points
-(:mod:`analysis.turning_points`), by a template where one cycle has several humps (:mod:`analysis.cycle_template`);
+(:mod:`analysis.period_search`); the motion axis and the angle about it (:mod:`analysis.motion_axis`); its turning
+points (:mod:`analysis.turning_points`), by a template where a cycle has several humps (:mod:`analysis.cycle_template`);
 end points in the middle of their dwell, gates at the ends only, runs (:mod:`analysis.endpoints`).
 
 Irregular cycles inside a trial are kept and flagged, never dropped: a slip is what the benchmark measures.
@@ -20,7 +20,8 @@ from analysis.cycle_template import axis_speeds, locked_cycles, template_turning
 from analysis.cycle_verdict import why_no_period, with_verdict
 from analysis.endpoints import Extremes, Samples, gate_ends, measure, split_runs, with_flags
 from analysis.motion_axis import AxisAngle, motion_axis
-from analysis.period import Period, find_period
+from analysis.period import Period
+from analysis.period_search import search_period
 from analysis.series import FloatArray, OrientationSeries
 from analysis.turning_points import TurningPoints, turning_points, without_short_pairs
 
@@ -69,13 +70,26 @@ def find_cycles(
     )
     if motion is None:
         return replace(nothing, reasons=(f"too short: {len(series)} samples",))
+    samples = Samples.of(series)
+    result = _find(nothing, motion, samples)
+    if not result.valid:
+        # Putting the object in place or dropping it may turn it further than all cycles, which then looked idle.
+        slower = motion.with_moving_share(settings.moving_share, path_share=settings.slow_path_share, percentile=50.0)
+        if slower.threshold < 0.5 * motion.threshold:
+            again = _find(nothing, slower, samples)
+            return again if again.valid else result
+    return result
+
+
+def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples) -> CycleAnalysis:
+    """Search the part of a recording in which the object moves."""
+    settings, window = nothing.settings, nothing.window
     first, last = _active(motion, window)
     if last - first < 4:
         return replace(nothing, reasons=("the object does not move",))
     active_s = (motion.start_s + first / motion.rate_hz, motion.start_s + last / motion.rate_hz)
     nothing = replace(nothing, active_s=active_s)
-    samples = Samples.of(series)
-    period, smooth_s = _period(motion.part(first, last), samples, settings)
+    period, smooth_s = search_period(motion.part(first, last), samples, settings)
     if period is None or period.confidence < settings.min_confidence:
         return replace(
             nothing,
@@ -86,35 +100,6 @@ def find_cycles(
         margin = int(period.seconds * motion.rate_hz)
         first, last = first - margin, last + margin
     return _with_endpoints(nothing, samples, motion.part(first, last), period, smooth_s)
-
-
-def _period(motion: Motion, samples: Samples, settings: CycleSettings) -> tuple[Period | None, float]:
-    """Find the period, smoothing ω further (by σ of the seconds returned) only where noise hides it.
-
-    White noise of σ_q per sample, at f samples per second, leaves σ_q² / (4 √π f σ³) of variance about each axis in ω
-    after a Gaussian of σ. Where that is much of ω, ripples of the noise would be taken for cycles.
-    """
-    best: tuple[Period | None, float] = (None, 0.0)
-    sigmas_s = (0.0, *settings.more_sigma_s)
-    for sigma_s in sigmas_s:
-        smooth = motion.smoothed(sigma_s)
-        total_s = float(np.hypot(sigma_s, settings.sigma_s))
-        noise = 3.0 * samples.noise_rad**2 * samples.usual_step_s / (4.0 * np.sqrt(np.pi) * total_s**3)
-        power = float(np.mean(np.einsum("ij,ij->i", smooth.omega, smooth.omega)))
-        if noise > settings.max_noise_share * power and sigma_s < sigmas_s[-1]:
-            continue
-        period = find_period(
-            smooth.omega,
-            motion.rate_hz,
-            min_period_s=max(settings.min_period_s, settings.min_sigmas * sigma_s),
-            max_period_s=settings.max_period_s,
-            peak_share=settings.peak_share,
-        )
-        if period is not None and (best[0] is None or period.confidence > best[0].confidence):
-            best = (period, sigma_s)
-        if period is not None and period.confidence >= settings.sure_confidence:
-            break
-    return best
 
 
 def _active(motion: Motion, window: tuple[float, float] | None) -> tuple[int, int]:
@@ -129,7 +114,13 @@ def _with_endpoints(
     nothing: CycleAnalysis, samples: Samples, motion: Motion, period: Period, smooth_s: float
 ) -> CycleAnalysis:
     settings = nothing.settings
-    turning = motion_axis(motion, period.seconds, sigma_periods=settings.axis_sigma, smooth_s=smooth_s)
+    turning = motion_axis(
+        motion,
+        period.seconds,
+        sigma_periods=settings.axis_sigma,
+        smooth_s=smooth_s,
+        speed_limit=settings.speed_limit,
+    )
     swing_deg = float(np.degrees(turning.swing_rad))
     result = replace(
         nothing,
@@ -191,7 +182,7 @@ def _turning_points(
         return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
     if period.confidence < settings.sure_confidence and _even_swings(found, turning.angle_rad, settings):
         return found, 0
-    starts = locked_cycles(axis_speeds(motion.omega, turning.angle_rad, motion.rate_hz), round(length))
+    starts = locked_cycles(axis_speeds(motion, turning.angle_rad, settings.speed_limit), round(length))
     if len(starts) < 2:
         return found, 1
     humps = max(round(1.0 / float(np.median(spacing))), 1)

@@ -35,7 +35,9 @@ class AxisAngle:
         return np.asarray(mean if mean[np.argmax(np.abs(mean))] > 0.0 else -mean, dtype=np.float64)
 
 
-def motion_axis(motion: Motion, period_s: float, *, sigma_periods: float, smooth_s: float = 0.0) -> AxisAngle:
+def motion_axis(
+    motion: Motion, period_s: float, *, sigma_periods: float, smooth_s: float = 0.0, speed_limit: float = float("inf")
+) -> AxisAngle:
     """Top eigenvector of ωωᵀ under a Gaussian window, and the angle about it.
 
     Taken from ω and not from the poses: where drift is strong, the poses spread along the *drift* axis.
@@ -54,7 +56,7 @@ def motion_axis(motion: Motion, period_s: float, *, sigma_periods: float, smooth
     from scipy import ndimage  # slow to import
 
     omega, rate = motion.omega, motion.rate_hz
-    m, smooth = len(omega), motion.smoothed(smooth_s).omega
+    m, smooth = len(omega), motion.smoothed(smooth_s).limited(speed_limit).omega
     width = max(int(period_s * rate / _BINS_PER_PERIOD), 1)
     edges = np.arange(0, m, width)
     upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.angular_velocity import angular_velocity
+from analysis.angular_velocity import Motion, angular_velocity
 from analysis.cycle_analysis import Endpoint
 from analysis.cycle_likeness import irregularity, likeness, rests, sample_noise_rad
 from analysis.cycle_template import axis_speeds, locked_cycles, template_turning_points
@@ -130,7 +130,8 @@ def test_a_template_locks_on_to_cycles_of_its_own_shape():
     omega = np.zeros((1300, 3))
     omega[150:1150, 0] = np.tile(shape, 10)
     angle = np.concatenate(([0.0], np.cumsum(omega[:, 0] / 100.0)))
-    starts = locked_cycles(axis_speeds(omega, angle, 100.0), 100)
+    speed = np.linalg.norm(omega, axis=1)
+    starts = locked_cycles(axis_speeds(Motion(0.0, 100.0, omega, speed, 1e-3), angle, 2.0), 100)
     assert np.unique(np.diff(starts)).tolist() == [100]
     found = template_turning_points(angle, starts, 100)
     cycle = angle[150:250]
