@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from host.dashboard.view import View
+from host.key_splitter import KeySplitter
 from host.plain_text import plain
 from host.trial_state import TrialState
 
@@ -40,6 +41,7 @@ class KeyReader:
         self.view = view
         self.aside = False
         """Whether the terminal is lent back to its owner for a while."""
+        self._splitter = KeySplitter()
         self._cycle: int | None = None
         self._asked = ""
 
@@ -49,17 +51,19 @@ class KeyReader:
         Parameters
         ----------
         text : str
-            Characters; a text that begins with ESC and goes on is a special key and means nothing.
+            As the terminal sent it; special keys mean nothing, and a paste only where something is being typed.
         states : tuple of TrialState
             What is on the screen.
         """
-        if len(text) > 1 and text[0] == ESCAPE and not self.view.prompt:
-            return []
+        keys, pasted = self._splitter.split(text)
         actions: list[ScreenAction] = []
         if self.aside:
-            self.aside = False
+            self.aside = not (keys or pasted)
             return actions
-        for character in text if text[0:1] != ESCAPE else text[:1]:
+        if self.view.prompt and pasted:  # into a note, a paste goes as one line; elsewhere it means nothing
+            typed = self.view.typed + plain(pasted, len(pasted) + 1)
+            self.view = replace(self.view, typed=typed[:MAX_TYPED])
+        for character in keys:
             key = ENTER if character == "\n" else BACKSPACE if character == "\b" else character
             actions += self._typed(key) if self.view.prompt else self._key(key, states)
         return actions

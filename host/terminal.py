@@ -16,9 +16,11 @@ import sys
 import time
 from typing import Any
 
-ENTER = "\x1b[?1049h\x1b[?25l\x1b[?7l\x1b[2J"
-"""Other screen, no cursor, no wrapping."""
-LEAVE = "\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l"
+from host.key_splitter import PASTE_OFF, PASTE_ON
+
+ENTER = f"\x1b[?1049h\x1b[?25l\x1b[?7l{PASTE_ON}\x1b[2J"
+"""Other screen, no cursor, no wrapping; pastes are told from keys."""
+LEAVE = f"\x1b[0m{PASTE_OFF}\x1b[?7h\x1b[?25h\x1b[?1049l"
 MAX_PIECE = 65536
 
 

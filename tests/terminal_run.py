@@ -14,15 +14,16 @@ _CYCLES = re.compile(r"(\d+)(?: of \d+)? cycles?\b.*\d\d:\d\d")  # with the time
 
 
 class Terminal:
-    """A program in a terminal, and what is on its screen."""
+    """A program in a terminal, and what is on its screen; by default the command, with ``shell`` a shell of its own."""
 
-    def __init__(self, arguments, cwd, width=80, height=24, **extra):
+    def __init__(self, arguments, cwd, width=80, height=24, shell=None, **extra):
+        program = [*BASE, *map(str, arguments)] if shell is None else [shell, "--norc", "--noprofile", "-i"]
         self._screen = pyte.Screen(width, height)
         self._stream = pyte.Stream(self._screen)
         self.raw = ""
         self.process = pexpect.spawn(
-            BASE[0],
-            [*BASE[1:], *map(str, arguments)],
+            program[0],
+            program[1:],
             cwd=str(cwd),
             env=environment(TERM="xterm-256color", **extra),
             dimensions=(height, width),
@@ -62,6 +63,11 @@ class Terminal:
             assert time.monotonic() < deadline, f"{count} cycles were not seen in:\n{self.text}"
             self.read()
         return self.text
+
+    def resize(self, width, height):
+        """Give the window another size, as dragging its corner does."""
+        self.process.setwinsize(height, width)
+        self._screen.resize(height, width)
 
     def press(self, keys):
         self.process.send(keys)

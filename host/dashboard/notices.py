@@ -97,7 +97,7 @@ def help_lines(look: Look, width: int, height: int) -> Lines:
     """Draw the help."""
     lines = [look.join((f"{key:4}", "strong"), what) for key, _, what in KEYS]
     lines += [
-        look.join(("^Z  ", "strong"), "step aside: the terminal is yours, the capture goes on; any key comes back"),
+        look.join(("^Z  ", "strong"), "step aside: what was there before shows; the capture goes on; any key returns"),
         look.join(("^C  ", "strong"), "as q"),
         look.text(""),
         look.text("Every key is an event in the recording; the score honours window and exclusions.", "quiet"),

@@ -77,8 +77,9 @@ def _interval(state: TrialState, look: Look) -> Text:
     if state.interval_deg is None:
         return look.text(f"95 % interval: {missing(state) or 'none'}", "quiet")
     low, high = state.interval_deg
-    half = "" if state.half_width_deg is None else f" (±{state.half_width_deg:.2f}°)"
-    return look.text(f"95 % interval {low:.2f}° to {high:.2f}°{half}")
+    places = 2 if high - low >= 0.04 else 3  # never "0.40° to 0.40°"
+    half = "" if state.half_width_deg is None else f" (±{state.half_width_deg:.{places}f}°)"
+    return look.text(f"95 % interval {low:.{places}f}° to {high:.{places}f}°{half}")
 
 
 def missing(state: TrialState) -> str:

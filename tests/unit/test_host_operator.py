@@ -95,6 +95,32 @@ def test_focus_pause_help_and_finish():
     assert press(["a"], (TrialState(finished=True),))[1] == [ScreenAction("close")]
 
 
+def test_special_keys_and_pastes_are_no_keys():
+    paste = "\x1b[200~quit, now\r\nor x\x1b[201~"
+    junk = (
+        "\x1b[A",
+        "\x1bOP",
+        "\x1b[<0;12;7M",
+        "\x1b[1;5C",
+        "\x1bq",
+        "\x1b[",
+        "1;2q",
+        "\x1bO",
+        "q",
+        "\x00\x07\x9b\ufffd",
+    )
+    reader, actions = press([paste, *junk])
+    assert actions == []
+    assert reader.view.prompt == ""
+    # A key before and one after in the same reading count.
+    assert [action.kind for action in press([f"m{paste}m\x1b[Am"])[1]] == ["marker"] * 3
+    # Into a note a paste goes as one line, in whatever pieces it comes, and an arrow key does not end the typing.
+    reader, actions = press(["n", "a ", "\x1b[D", paste[:9], paste[9:-2], paste[-2:], "!\r"])
+    assert actions == [ScreenAction("note", 0, "a quit, now or x!")]
+    assert press(["n", "\x1b[200~" + "x" * 500 + "\x1b[201~", "\r"])[1][0].text == "x" * 200
+    assert press(["\x1b[" + "1" * 100, "m"])[1] == [ScreenAction("marker")]
+
+
 def test_an_action_survives_its_message():
     from host import recording_format as fmt
 

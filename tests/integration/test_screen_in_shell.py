@@ -1,0 +1,98 @@
+"""The live screen under a shell's job control: stopped, brought back, and what a stranger may do to a terminal."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.command_line import BASE, quick_scenario, wait_for
+
+pytest.importorskip("pexpect")
+pytest.importorskip("pyte")
+if sys.platform == "win32":
+    pytest.skip("needs a pseudo-terminal", allow_module_level=True)
+
+from host.playback import recorded_actions
+from host.virtual_object_process import VirtualObjectProcess
+from tests.terminal_run import Terminal
+
+
+@pytest.fixture
+def virtual(tmp_path):
+    with VirtualObjectProcess(quick_scenario(tmp_path)) as process:
+        yield process
+
+
+def children(pid):
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks up the job's process in /proc")
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs a shell with job control")
+def test_a_job_that_was_stopped_is_brought_back_by_fg(tmp_path, virtual):
+    """SIGTSTP (Control-Z typed elsewhere) is refused; SIGSTOP cannot be: after ``fg`` all is as before, and counted."""
+    recording = tmp_path / "trial.mcap"
+    shell = Terminal([], tmp_path, shell="bash", PS1="ready> ")
+    shell.wait_for("ready>")
+    command = shlex.join([*BASE, "capture", virtual.link, "--out", str(recording)])
+    shell.press("stty -a > before\n" + command + "\n")
+    shell.wait_for("2 cycles ·")
+    (capture,) = children(shell.process.pid)
+    os.killpg(capture, signal.SIGTSTP)
+    shell.wait_for("3 cycles ·")  # it goes on
+    stopped_s = time.monotonic()
+    os.killpg(capture, signal.SIGSTOP)
+    shell.wait_for("Stopped")
+    shell.press("fg\n")
+    seen = shell.wait_for("cycles ·")
+    stopped_s = time.monotonic() - stopped_s
+    cycles = int(re.search(r"(\d+) cycles ·", seen)[1])
+    seen = shell.wait_for(f"{cycles + 2} cycles ·")
+    assert "rotdrift capture · virtual cube" in seen  # drawn anew, not only the lines that changed
+    shell.press("m")  # keys come one by one again
+    shell.wait_for("marker 1")
+    shell.press("q")
+    shell.wait_for("ready>")
+    wait_for(recording.with_suffix(".json").exists, what="the result")
+    shell.press("\nstty -a > after\nexit\n")
+    shell.finish()
+    assert (tmp_path / "after").read_text() == (tmp_path / "before").read_text()
+    losses = json.loads(recording.with_suffix(".json").read_text())["losses"]
+    assert losses["produced"] == losses["received"] + losses["missing"]
+    # The link's own buffers hold some seconds of samples at this rate; a machine that took longer lost, and counted.
+    assert losses["missing"] == 0 or stopped_s > 1.0
+
+
+def test_junk_odd_sizes_and_early_keys_change_nothing(tmp_path):
+    """Keys before there is anything, special keys, a paste full of commands, a window dragged to next to nothing."""
+    recording = tmp_path / "trial.mcap"
+    with VirtualObjectProcess(quick_scenario(tmp_path, lead_in_s=1.5)) as virtual:
+        terminal = Terminal(["capture", virtual.link, "--out", recording], tmp_path, 120, 36)
+        terminal.wait_for("needs 4 more cycles")
+        terminal.press("f\x1b[A\x1bOP\x1b[<0;5;5M\x1b[200~quit\rsxn\x1b[201~\x00\x07ü☃x")
+        terminal.wait_for("no cycle yet")
+        for width, height in ((40, 10), (20, 3), (300, 100), (1, 1), (61, 17)):
+            terminal.resize(width, height)
+            terminal.read()
+        terminal.wait_for("cycle")
+        terminal.resize(80, 24)
+        terminal.wait_for("4 cycles")
+        terminal.wait_for("finish")
+        terminal.press("na \x1b[Dnote\r")  # an arrow key on the way
+        terminal.wait_for("a note")
+        terminal.press("q")
+        assert terminal.finish() == 0
+        assert terminal.modes() == terminal.modes_before
+        assert "\x1b[?2004h" in terminal.raw
+        assert terminal.raw.rindex("\x1b[?2004l") > terminal.raw.rindex("\x1b[?2004h")
+    kinds = [(action.kind, action.text) for action in recorded_actions(recording)]
+    assert kinds == [("note", "a note"), ("finish", "")]
+    losses = json.loads(recording.with_suffix(".json").read_text())["losses"]
+    assert losses["missing"] == 0
