@@ -1,23 +1,34 @@
 """What can go wrong on purpose: scenario table ``[faults]``, and the log that the truth keeps of every fault.
 
 Two sorts. *Rates* act on each frame by chance, seeded, while the hand's timeline is between ``rates_from_s`` and
-``rates_until_s``. *Timed* faults (``[[faults.at]]``) happen once, at a time of the hand's timeline. Replies (INFO,
-STATUS, ACK, ...) are spared by the faults on whole frames, so that a handshake does not fail by chance; damage to bytes
-spares nothing.
+``rates_until_s``, or as a live command ``rates`` says. *Timed* faults (``[[faults.at]]``) happen once, at a time of the
+hand's timeline. Replies (INFO, STATUS, ACK, ...) are spared by the faults on whole frames, so that a handshake does not
+fail by chance; damage to bytes spares nothing.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeAlias
 
 from emulator import ScenarioError
 from emulator.settings import check_settings, choice, integer, number, tables
 
-__all__ = ["FaultLog", "FaultSettings", "TimedFault", "parse_fault_command"]
+__all__ = ["FaultLog", "FaultSettings", "LiveFault", "RateChange", "TimedFault", "parse_fault_command"]
 
-KINDS = ("stall", "unplug", "reset", "swap", "clock-step", "flood", "garbage")
+KINDS = (
+    "stall",
+    "unplug",
+    "reset",
+    "swap",
+    "second-object",
+    "wrong-version",
+    "clock-step",
+    "flood",
+    "garbage",
+)
 _FOREVER_S = 1e9
 _MAX_LOGGED = 20_000
 
@@ -28,18 +39,21 @@ class TimedFault:
 
     kind: str = choice("stall", *KINDS)
     """stall: the link takes nothing. unplug: the link vanishes and comes back. reset: the object loses power and comes
-    back with a new boot id, clock and sequence. swap: unplugged, and another object comes back. clock-step: the clock
-    jumps. flood: samples at a multiple of the rate. garbage: bytes that are no frame."""
+    back with a new boot id, clock and sequence. swap: unplugged, and another object comes back. second-object: another
+    object sends and answers on the same line. wrong-version: reset, and back with a firmware that speaks another major
+    version. clock-step: the clock jumps. flood: samples at a multiple of the rate. garbage: bytes that are no frame."""
     at_s: float = number(10.0, 0.0, _FOREVER_S)
     """When, s since the hand's timeline began."""
     for_s: float = number(1.0, 0.0, 86_400.0)
-    """Stall, unplug, reset, swap, flood: for how long, s."""
+    """Stall, unplug, reset, swap, second-object, wrong-version, flood: for how long, s."""
     by_s: float = number(1.0, -5000.0, 5000.0)
     """Clock step: how far, s."""
     factor: float = number(10.0, 0.1, 100.0)
     """Flood: multiple of the rate."""
     count: int = integer(64, 1, 100_000)
     """Garbage: how many bytes."""
+    major: int = integer(2, 0, 255)
+    """Wrong-version: which major version."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -93,8 +107,40 @@ class FaultSettings:
             raise ScenarioError("probabilities of faults that exclude each other must not sum to more than 1")
 
 
-def parse_fault_command(text: str) -> TimedFault:
-    """Read a live command: a kind, then optional settings, e.g. ``stall``, ``unplug for_s=2``, ``clock-step by_s=-3``.
+@dataclass(frozen=True)
+class RateChange:
+    """A live change of the rates of :class:`FaultSettings`, for some time or for good."""
+
+    values: tuple[tuple[str, float], ...]
+    """Name and value of each rate, checked."""
+    for_s: float
+    """How long; then the scenario's own rates act again. inf: until the next change."""
+
+    def apply(self, settings: FaultSettings) -> FaultSettings:
+        """Return settings with these rates.
+
+        Raises
+        ------
+        ScenarioError
+            A value out of range, or rates that exclude each other.
+        """
+        values: dict[str, Any] = dict(self.values)
+        return replace(settings, **values)
+
+
+RATES = tuple(
+    field.name
+    for field in fields(FaultSettings)
+    if field.name not in ("rates_from_s", "rates_until_s", "garbage_before_bytes", "at")
+)
+"""What ``rates`` sets while the object runs."""
+LiveFault: TypeAlias = TimedFault | RateChange
+"""What can be typed while the object runs."""
+_WHOLE = ("count", "burst_bits", "major")
+
+
+def parse_fault_command(text: str) -> LiveFault:
+    """Read a live command: a kind and settings, e.g. ``stall``, ``unplug for_s=2``, ``rates drop_probability=0.1``.
 
     Raises
     ------
@@ -103,17 +149,25 @@ def parse_fault_command(text: str) -> TimedFault:
     """
     words = text.split()
     if not words:
-        raise ScenarioError(f"a fault command is one of {', '.join(KINDS)}, then settings such as for_s=2")
-    values: dict[str, Any] = {"kind": words[0], "at_s": 0.0}
+        raise ScenarioError(f"a fault command is one of {', '.join(KINDS)} or rates, then settings such as for_s=2")
+    known = ("for_s", *RATES) if words[0] == "rates" else ("for_s", "by_s", "factor", "count", "major")
+    values: dict[str, Any] = {}
     for word in words[1:]:
         key, equals, value = word.partition("=")
-        if not equals or key not in ("for_s", "by_s", "factor", "count"):
-            raise ScenarioError(f"unknown setting {word!r}: give for_s=, by_s=, factor= or count=")
+        if not equals or key not in known:
+            raise ScenarioError(f"unknown setting {word[:40]!r}: give {'=, '.join(known)}=")
         try:
-            values[key] = int(value) if key == "count" else float(value)
+            values[key] = int(value) if key in _WHOLE else float(value)
         except ValueError:
-            raise ScenarioError(f"{key} must be a number, not {value!r}") from None
-    return TimedFault(**values)
+            raise ScenarioError(f"{key} must be a number, not {value[:40]!r}") from None
+    if words[0] != "rates":
+        return TimedFault(words[0], 0.0, **values)
+    for_s = values.pop("for_s", math.inf)
+    if not for_s > 0.0:
+        raise ScenarioError(f"for_s must be above 0, not {for_s!r}")
+    change = RateChange(tuple(values.items()), for_s)
+    change.apply(FaultSettings())
+    return change
 
 
 class FaultLog:

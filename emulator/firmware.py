@@ -141,6 +141,11 @@ class Firmware:
         self.settings = replace(self.settings, device_id=self.settings.device_id ^ 1)
         self.reset(now_s, off_s)
 
+    def speak_version(self, major: int, now_s: float, off_s: float) -> None:
+        """Be reset, and come back after ``off_s`` with a firmware that says it speaks another major version."""
+        self.settings = replace(self.settings, protocol_major=major)
+        self.reset(now_s, off_s)
+
     def step_clock(self, now_s: float, by_us: int) -> None:
         """Let the object's clock jump; samples go on at the same pace with the new time."""
         before = self._clock.read_us(now_s)

@@ -42,15 +42,21 @@ class PacketFaults:
     """
 
     def __init__(self, settings: FaultSettings, seed: int, log: FaultLog) -> None:
-        self._settings, self._log = settings, log
+        self._log = log
         self._rng = np.random.default_rng([seed, _PACKET_STREAM])
         self._held: bytes | None = None
+        self.any = False
+        """Whether a packet can be anything but let through; stays so once it was, for one may be waiting."""
+        self.use(settings)
+
+    def use(self, settings: FaultSettings) -> None:
+        """Go on with other rates."""
         s = settings
         self._sample_limits = np.cumsum(
             [s.zero_quaternion_probability, s.wrong_norm_probability, s.sign_flip_probability]
         ).tolist()
         self._frame_limits = np.cumsum([s.drop_probability, s.duplicate_probability, s.reorder_probability]).tolist()
-        self.any = self._sample_limits[-1] + self._frame_limits[-1] > 0.0
+        self.any = self.any or self._sample_limits[-1] + self._frame_limits[-1] > 0.0
 
     def apply(self, packets: Iterable[bytes], now_s: float, *, active: bool) -> list[bytes]:
         """Return what becomes of packets, in order.
@@ -131,13 +137,9 @@ class ByteFaults:
     """
 
     def __init__(self, settings: FaultSettings, seed: int, log: FaultLog) -> None:
-        self._settings, self._log = settings, log
+        self._log = log
         self._rng = np.random.default_rng([seed, _BYTE_STREAM])
-        s = settings
-        self.any = (
-            s.bit_error_rate + s.burst_probability + s.truncate_probability + s.garbage_probability > 0.0
-            or s.garbage_before_bytes > 0
-        )
+        self.use(settings)
         self.active = False
         """Whether rates act now."""
         self.now_s = 0.0
@@ -145,6 +147,14 @@ class ByteFaults:
         self.damaged: Counter[str] = Counter()
         """Frames that cannot be whole any more, by packet type."""
         self._first = True
+
+    def use(self, settings: FaultSettings) -> None:
+        """Go on with other rates."""
+        s = self._settings = settings
+        self.any = (
+            s.bit_error_rate + s.burst_probability + s.truncate_probability + s.garbage_probability > 0.0
+            or s.garbage_before_bytes > 0
+        )
 
     def garbage(self, n: int) -> bytes:
         """Return n random bytes."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -15,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from emulator.faults import FaultLog, TimedFault
+from emulator.faults import FaultLog, FaultSettings, LiveFault, RateChange, TimedFault
 from emulator.frame_faults import ByteFaults, PacketFaults
 from emulator.links import Link
 from emulator.links.byte_stream import ByteLink
+from emulator.second_object import SecondObject
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.packets import PacketType
 
@@ -51,8 +53,7 @@ class FaultInjector:
         self.log = FaultLog()
         self._packet_faults = PacketFaults(self._settings, seed, self.log)
         self._byte_faults = ByteFaults(self._settings, seed, self.log)
-        if isinstance(link, ByteLink) and self._byte_faults.any:
-            link.tamper = self._byte_faults
+        self._second: SecondObject | None = None
         self._delivery_rng = np.random.default_rng([seed, _DELIVERY_STREAM])
         self._command_rng = np.random.default_rng([seed, _COMMAND_STREAM])
         self._sent: Counter[int] = Counter()
@@ -63,7 +64,8 @@ class FaultInjector:
         self._stalls = self._unplugs = self._floods = 0
         self._rates_active = False
         self._in_flight: deque[tuple[float, bytes]] = deque()  # due, packet
-        self._delayed = self._settings.delivery_interval_ms + self._settings.delivery_jitter_ms > 0.0
+        self._rates_changed = 0
+        self._use(self._settings)
 
     # --- time ----------------------------------------------------------------------------------------------------
 
@@ -77,14 +79,24 @@ class FaultInjector:
         self._step_to(now_s)
 
     def _step_to(self, now_s: float) -> None:
+        # With a second object on the line they take turns, in the order in which they have something to say.
+        while self._second is not None and (due_s := min(self._object.next_due_s, self._second.next_due_s)) < now_s:
+            self._step_both(due_s)
+        self._step_both(now_s)
+
+    def _step_both(self, now_s: float) -> None:
         self._now_s = self._byte_faults.now_s = max(now_s, self._now_s)
         self._object.step(self._now_s, self._send)
+        if self._second is not None:
+            self._second.step(self._now_s, self._send_second)
         self._deliver()
 
     @property
     def next_due_s(self) -> float:
         """When :meth:`step` has something to do next, if no command comes, s."""
         due_s = self._object.next_due_s
+        if self._second is not None:
+            due_s = min(due_s, self._second.next_due_s)
         if self._events:
             due_s = min(due_s, self._events[0][0])
         if self._in_flight:
@@ -110,9 +122,12 @@ class FaultInjector:
     def _plan(self, time_s: float, action: Callable[[], None]) -> None:
         heapq.heappush(self._events, (time_s, next(self._order), action))
 
-    def inject(self, fault: TimedFault) -> None:
+    def inject(self, fault: LiveFault) -> None:
         """Let a fault happen at the next step, whatever its ``at_s``: a live command."""
-        self._plan(self._now_s, partial(self._begin, fault))
+        if isinstance(fault, RateChange):
+            self._plan(self._now_s, partial(self._change_rates, fault))
+        else:
+            self._plan(self._now_s, partial(self._begin, fault))
 
     # --- commands and packets ------------------------------------------------------------------------------------
 
@@ -132,6 +147,8 @@ class FaultInjector:
                 self.log.add("command-loss", now_s, command_type=command[0] if command else None)
             else:
                 self._object.receive(command, now_s)
+                if self._second is not None:
+                    self._second.receive(command, now_s)
 
     def _send(self, packets: Sequence[bytes]) -> int | None:
         """Take packets from the firmware: the sink of its queue."""
@@ -155,6 +172,14 @@ class FaultInjector:
             self._in_flight.append((self._due_s(), packet))
         self._deliver()
         return taken
+
+    def _send_second(self, packets: Sequence[bytes]) -> int | None:
+        """Take packets from a second object; nothing happens to them on the way."""
+        if self._unplugs:
+            return None
+        if self._stalls or self._in_flight:
+            return 0
+        return self._link.send(packets)
 
     @property
     def _overdue(self) -> bool:
@@ -197,6 +222,30 @@ class FaultInjector:
     def _set_rates(self, *, active: bool) -> None:
         self._rates_active = self._byte_faults.active = active
 
+    def _use(self, settings: FaultSettings) -> None:
+        self._settings = settings
+        self._packet_faults.use(settings)
+        self._byte_faults.use(settings)
+        if isinstance(self._link, ByteLink) and self._byte_faults.any:
+            self._link.tamper = self._byte_faults
+        self._delayed = settings.delivery_interval_ms + settings.delivery_jitter_ms > 0.0
+
+    def _change_rates(self, change: RateChange) -> None:
+        """Set rates while the object runs; the latest change counts."""
+        own, was_active = self._object.scenario.faults, self._rates_active
+        self._rates_changed += 1
+        self._use(change.apply(own))
+        self._set_rates(active=True)
+        details: dict[str, Any] = dict(change.values)
+        self.log.add("rates", self._now_s, **details)
+        if change.for_s < math.inf:
+            self._plan(self._now_s + change.for_s, partial(self._restore_rates, self._rates_changed, was_active))
+
+    def _restore_rates(self, number: int, active: bool) -> None:
+        if number == self._rates_changed:
+            self._use(self._object.scenario.faults)
+            self._set_rates(active=active)
+
     def _begin(self, fault: TimedFault) -> None:
         now_s, firmware = self._now_s, self._object.firmware
         if fault.kind == "stall":
@@ -212,6 +261,12 @@ class FaultInjector:
             self._unplug()
             firmware.become_another(now_s, fault.for_s)
             self.log.add("swap", now_s, for_s=fault.for_s, device_id=firmware.settings.device_id)
+        elif fault.kind == "wrong-version":
+            firmware.speak_version(fault.major, now_s, fault.for_s)
+            self.log.add("wrong-version", now_s, for_s=fault.for_s, major=fault.major)
+        elif fault.kind == "second-object":
+            self._second = SecondObject(self._object, now_s)
+            self.log.add("second-object", now_s, for_s=fault.for_s, device_id=self._second.device_id)
         elif fault.kind == "clock-step":
             firmware.step_clock(now_s, round(fault.by_s * 1e6))
             self.log.add("clock-step", now_s, by_s=fault.by_s)
@@ -222,12 +277,14 @@ class FaultInjector:
         elif fault.kind == "garbage" and isinstance(self._link, ByteLink):
             self._link.inject(self._byte_faults.garbage(fault.count))
             self.log.add("garbage", now_s, fault.count)
-        if fault.kind in ("stall", "unplug", "swap", "flood"):
+        if fault.kind in ("stall", "unplug", "swap", "flood", "second-object"):
             self._plan(now_s + fault.for_s, partial(self._end, fault))
 
     def _end(self, fault: TimedFault) -> None:
         if fault.kind == "stall":
             self._stalls -= 1
+        elif fault.kind == "second-object":
+            self._second = None
         elif fault.kind == "flood":
             self._floods -= 1
             if not self._floods:

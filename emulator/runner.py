@@ -17,7 +17,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from emulator import EmulatorError
-from emulator.faults import TimedFault
+from emulator.faults import LiveFault
 from emulator.injection import FaultInjector
 from emulator.links import Link
 from emulator.scenario import Scenario
@@ -54,7 +54,7 @@ def run(
     on_ready: Callable[[str], None] | None = None,
     *,
     seed: int | None = None,
-    live_faults: SimpleQueue[TimedFault] | None = None,
+    live_faults: SimpleQueue[LiveFault] | None = None,
 ) -> RunResult:
     """Run a virtual object until its time is over, ``stop`` is set, or Ctrl-C; blocks.
 
@@ -143,7 +143,7 @@ class _Bench:
     link: Link
     truth: _TruthFile
     stop: threading.Event
-    live_faults: SimpleQueue[TimedFault] | None
+    live_faults: SimpleQueue[LiveFault] | None
     now_s: float = 0.0
 
     def _take_live_faults(self) -> None:

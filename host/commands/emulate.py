@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from queue import SimpleQueue
 
-    from emulator.faults import TimedFault
+    from emulator.faults import LiveFault
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -35,7 +35,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--faults-from-stdin",
         action="store_true",
-        help="take faults as lines while it runs: stall for_s=2, unplug, reset, clock-step by_s=-3, ...",
+        help="take faults as lines while it runs: stall for_s=2, unplug, reset, rates drop_probability=0.1, ...",
     )
     parser.add_argument("--list", action="store_true", help="list the scenarios")
 
@@ -104,7 +104,7 @@ def _say_ready(host_uri: str) -> None:
     sys.stdout.flush()
 
 
-def _faults_from_stdin() -> SimpleQueue[TimedFault]:
+def _faults_from_stdin() -> SimpleQueue[LiveFault]:
     """Read fault commands in a thread of their own until the input ends; a wrong line is told and passed over."""
     import threading
     from queue import SimpleQueue
@@ -113,7 +113,7 @@ def _faults_from_stdin() -> SimpleQueue[TimedFault]:
     from emulator.faults import parse_fault_command
     from host.plain_text import plain
 
-    faults: SimpleQueue[TimedFault] = SimpleQueue()
+    faults: SimpleQueue[LiveFault] = SimpleQueue()
 
     def read() -> None:
         for line in sys.stdin:

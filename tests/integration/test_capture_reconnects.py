@@ -1,57 +1,17 @@
 """Cables pulled, objects reset and exchanged, between real processes over ptys and TCP."""
 
 import json
-import subprocess
 import sys
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
 from host.recorded_trial import load_trial
 from host.recording_reader import RecordingReader
-from tests.command_line import BASE, environment, quick_scenario, rotdrift, started, wait_for_line
+from tests.command_line import quick_scenario, rotdrift, started, wait_for_line
+from tests.live_objects import live_object
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs ptys")
-
-
-class LiveObject:
-    """The emulator as a process whose faults are typed in."""
-
-    def __init__(self, process, truth_path):
-        self._process = process
-        self._truth_path = truth_path
-        self.link = wait_for_line(process, "ready: ")[-1].split("ready: ")[1].strip()
-
-    def fault(self, command):
-        self._process.stdin.write(command + "\n")
-        self._process.stdin.flush()
-
-    def stop(self):
-        self._process.terminate()
-        assert self._process.wait(10) == 0
-        return json.loads(self._truth_path.read_text())
-
-
-@contextmanager
-def live_object(folder, scenario, address):
-    """Start an emulator that takes faults."""
-    truth = folder / "truth.json"
-    command = [*BASE, "emulate", "--scenario", scenario, "--link", address, "--truth", str(truth)]
-    process = subprocess.Popen(
-        [*command, "--faults-from-stdin"],
-        env=environment(),
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        yield LiveObject(process, truth)
-    finally:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
 
 
 @pytest.mark.parametrize("kind", ["pty", "tcp"])
@@ -137,7 +97,7 @@ def test_another_object_at_the_same_port_is_refused(tmp_path):
 def test_a_wrong_fault_command_is_told_and_passed_over(tmp_path):
     with live_object(tmp_path, "static", f"pty:{tmp_path / 'object'}") as virtual:
         virtual.fault("explode")
-        assert "rotdrift: " in virtual._process.stderr.readline()
+        assert "rotdrift: " in virtual.process.stderr.readline()
         virtual.stop()
 
 

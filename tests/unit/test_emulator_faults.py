@@ -10,9 +10,11 @@ import pytest
 
 from emulator import ScenarioError
 from emulator.faults import FaultSettings, TimedFault, parse_fault_command
+from emulator.injection import FaultInjector
 from emulator.links.memory_link import MemoryLink
 from emulator.runner import run
 from emulator.scenario import load_scenario
+from emulator.virtual_object import VirtualObject
 from firmware_protocol import packets as p
 from firmware_protocol.stream import StreamDecoder
 
@@ -236,3 +238,57 @@ def test_truth_of_the_shipped_fault_scenarios_is_json(name):
     assert truth["fault_counts"]
     assert json.loads(json.dumps(truth)) == truth
     assert counters.packets[p.PacketType.ORIENTATION] > 1000
+
+
+def test_rates_can_be_changed_while_it_runs_and_come_back():
+    injector, link = stepped(FaultSettings())
+    injector.step(1.0)
+    injector.inject(parse_fault_command("rates drop_probability=0.5 for_s=2"))
+    for number in range(100, 600):
+        injector.step(number / 100)
+    truth = injector.truth()
+    times_s = [entry["time_s"] for entry in entries(truth, "drop")]
+    assert len(times_s) == pytest.approx(100, abs=40)  # of 200 samples
+    assert 1.0 <= min(times_s) <= max(times_s) <= 3.0 + 0.011
+    assert [entry["drop_probability"] for entry in entries(truth, "rates")] == [0.5]
+    numbers = samples(StreamDecoder().feed(link.take()))
+    assert len(numbers) + truth["fault_counts"]["drop"] == numbers[-1] + 1
+
+
+def test_a_later_change_of_rates_is_not_undone_by_the_end_of_an_earlier_one():
+    injector, _ = stepped(FaultSettings())
+    injector.inject(parse_fault_command("rates drop_probability=1 for_s=1"))
+    injector.step(0.5)
+    injector.inject(parse_fault_command("rates drop_probability=0.5"))
+    for number in range(50, 500):
+        injector.step(number / 100)
+    assert max(entry["time_s"] for entry in entries(injector.truth(), "drop")) > 4.5
+
+
+@pytest.mark.parametrize("step_s", [0.001, 0.01, 0.13])
+def test_a_second_object_shares_the_line_in_order_of_time_however_it_is_stepped(step_s):
+    injector, link = stepped(FaultSettings(at=(TimedFault("second-object", at_s=0.5, for_s=1.0),)))
+    for number in range(1, round(2.6 / step_s)):
+        injector.step(number * step_s)
+    items = StreamDecoder().feed(link.take())
+    infos = [item.device_id for item in items if isinstance(item, p.Info)]
+    (fault,) = injector.truth()["faults"]
+    assert infos[-1] == fault["device_id"] != infos[0]
+    clock_us = np.concatenate([item.device_time_us for item in items if isinstance(item, p.OrientationBatch)])
+    other = clock_us > 10**9
+    assert other.sum() == pytest.approx(100, abs=1)
+    assert (np.diff(clock_us[other]) > 0).all()
+    assert (np.diff(clock_us[~other].astype(np.int64)) > 0).all()
+    first, last = np.flatnonzero(other)[[0, -1]]
+    assert np.abs(np.diff(other[first:last].astype(int))).mean() > 0.9  # they take turns
+    assert injector.truth()["sent"]["ORIENTATION"] == (~other).sum()
+
+
+def stepped(faults):
+    """An injector whose object streams from 0 s on."""
+    virtual, link = VirtualObject(replace(IDEAL, faults=faults), 3), MemoryLink()
+    link.open()
+    injector = FaultInjector(virtual, link)
+    link.put(*START)
+    injector.receive(0.0)
+    return injector, link
