@@ -95,7 +95,7 @@ def _permission(target: str, platform: str) -> PortPermissionError:
         group = _owning_group(target)
         if group == "root":
             return PortPermissionError(
-                f"{sentence}: it belongs to root alone", "install a udev rule for the adapter (docs/linux-ports)"
+                f"{sentence}: it belongs to root alone", "give it a group by a udev rule, see docs/first-trial.md"
             )
         return PortPermissionError(
             f"{sentence}: it belongs to the group {group}",
