@@ -93,7 +93,7 @@ EXACT_LENGTHS: dict[CanFunction, int] = {
 }
 """Lengths of classic frames; the others carry packets as they are, 1-8 bytes."""
 NO_ORIENTATION = (1 << 56) - 1
-"""Quaternion bits of an object whose filter failed: three components that no unit quaternion has. Listeners reject it."""
+"""Quaternion bits of an object whose filter failed: three components that no unit quaternion has, so it is rejected."""
 WHOLE_ORIENTATION_BYTES = 20
 """Length byte, 16 bytes of ORIENTATION, 3 zeros."""
 

@@ -19,7 +19,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--probe",
         action="store_true",
-        help="listen 2 s on each for an object; nothing is sent, ports held by other programs are left alone",
+        help="listen 2 s on each for an object; nothing is sent on a bus or to a serial device, and ports held by "
+        "other programs are left alone",
     )
 
 
@@ -29,8 +30,9 @@ def run(args: argparse.Namespace) -> int:
     if args.probe:
         from host.transports.object_probe import objects_on
 
-        free = [row["link"] for row in rows if not row.get("owners") and row.get("state") != "down"]
-        found = objects_on(free)
+        for row in rows:
+            row["not_probed"] = _why_not(row)
+        found = objects_on([row["link"] for row in rows if not row["not_probed"]])
         for row in rows:
             row["objects"] = found.get(row["link"], [])
     if args.json:
@@ -40,7 +42,9 @@ def run(args: argparse.Namespace) -> int:
             "no serial ports or CAN interfaces here; plug the object in, or try `rotdrift demo` without one\n"
         )
     else:
-        _print(rows, probed=args.probe)
+        _print(rows)
+        if args.probe:
+            _print_objects(rows)
     return 0
 
 
@@ -53,18 +57,49 @@ def _rows() -> list[dict[str, Any]]:
     return rows + [{"kind": "can", **port.to_json()} for port in list_can_ports(serial_ports)]
 
 
-def _print(rows: list[dict[str, Any]], *, probed: bool) -> None:
+def _why_not(row: dict[str, Any]) -> str:
+    """Say why a link is not listened to; empty where it is."""
+    from host.transports.can_listing import SLCAN_ADAPTERS
+
+    if row.get("owners"):
+        return "held by " + ", ".join(row["owners"])
+    if row.get("state") == "down":
+        return "down"
+    if row.get("vid_pid") in SLCAN_ADAPTERS:
+        return "an SLCAN adapter: its CAN link is listened to"
+    if not row.get("can_listen", True):
+        return "opening it could disturb what is there"
+    return ""
+
+
+def _print(rows: list[dict[str, Any]]) -> None:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", pad_edge=False)
-    for name in ("link", "VID:PID", "what it is", "held by", *(["objects"] if probed else [])):
-        table.add_column(name)
+    for name in ("link", "VID:PID", "what it is", "held by"):
+        table.add_column(name, no_wrap=True)
     for row in rows:
         state = f" ({row['state']})" if row.get("state") else ""
         cells = [row["link"], row.get("vid_pid", ""), row["description"] + state, ", ".join(row.get("owners", ()))]
-        if probed:
-            cells.append("\n".join(row["objects"]) or "none heard")
         table.add_row(*(Text(cell) for cell in cells))
-    Console(highlight=False).print(table)
+    # As wide as it needs: a link is there to be copied.
+    console = Console(highlight=False)
+    wide = console.measure(table, options=console.options.update(max_width=1000)).maximum
+    Console(highlight=False, width=max(console.width, wide)).print(table)
+
+
+def _print_objects(rows: list[dict[str, Any]]) -> None:
+    heard = [link for row in rows for link in row["objects"]]
+    listened = sum(not row["not_probed"] for row in rows)
+    lines = ["", "objects heard:", *(f"  {link}" for link in heard)]
+    if not heard:
+        lines = [
+            "",
+            f"no object was heard on {listened} link{'s' * (listened != 1)}; objects say something every second",
+        ]
+    skipped = [f"  {row['link']}  ({row['not_probed']})" for row in rows if row["not_probed"]]
+    if skipped:
+        lines += ["", "not listened to:", *skipped]
+    sys.stdout.write("\n".join(lines) + "\n")

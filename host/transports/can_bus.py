@@ -37,10 +37,13 @@ from host.transports.can_bus_drivers import CanSettings, can_settings, open_bus
 from host.transports.can_health import BusHealth
 from host.transports.chunks import ClosingTransport, FrameChunk
 from host.transports.serial_port import existing_ports
+from host.transports.socketcan_queue import dropped_frames
 
 MAX_FRAMES = 1024
 """No read returns more."""
 SEND_TIMEOUT_S = 1.0
+DROPS_NS = 250_000_000
+"""Between two questions for frames that the kernel had to drop."""
 DOWN_S = 30.0
 """How long an interface may be down before the link counts as lost."""
 ECHOING = frozenset({"udp_multicast"})
@@ -94,6 +97,7 @@ class CanTransport(ClosingTransport):
         self._channels: dict[bool, LongPacketChannel] = {}
         self._lock = threading.Lock()
         self._echoes: deque[tuple[int, bytes]] | None = deque(maxlen=64) if settings.interface in ECHOING else None
+        self._drops_asked_ns = 0
         self._down_since: float | None = None
         self._closed = False
 
@@ -123,6 +127,10 @@ class CanTransport(ClosingTransport):
             if self._is_wanted(frame):
                 frames.append(frame)
             message = self._receive(0.0) if len(frames) < MAX_FRAMES else None
+        now_ns = time.monotonic_ns()
+        if now_ns - self._drops_asked_ns > DROPS_NS:
+            self._drops_asked_ns = now_ns
+            self.health.dropped_frames = dropped_frames(self._bus)
         if not frames:
             return None
         self._down_since = None

@@ -22,6 +22,7 @@ from host.link_uri import LinkUri
 from host.plain_text import plain
 from host.transports.serial_errors import translate_open_error
 from host.transports.slcan_bus import ChunkedSlcanBus
+from host.transports.socketcan_queue import lengthen_queue
 from host.transports.socketcand_bus import WatchedSocketcandBus
 
 # Without a handler of their own, python-can's warnings would go to the terminal, into the middle of a display.
@@ -32,6 +33,8 @@ DEFAULT_DATA_BITRATE = 2_000_000
 UNTIMED = frozenset({"virtual", "udp_multicast", "socketcan", "socketcand"})
 """Interfaces whose bit rate is set elsewhere."""
 CLASSIC_ONLY = frozenset({"socketcand"})
+LISTENING = frozenset({"socketcan", "slcan", "pcan", "kvaser", "virtual", "udp_multicast"})
+"""Interfaces that can be told to listen only, or whose bus is no concern of ours; the others acknowledge frames."""
 DRIVER_FILTERS = frozenset({"socketcan", "etas", "ixxat", "kvaser", "systec", "vector"})
 """Interfaces whose filters work in the driver, on data frames only."""
 SLCAN_ANSWER_S = 3.0
@@ -134,6 +137,8 @@ def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries:
             time.sleep(0.05)  # a server for one client may not have noticed yet that the last one has gone
             return open_bus(settings, name, existing_ports, tries - 1)
         raise _open_error(error, settings, name, existing_ports) from error
+    if settings.interface == "socketcan":
+        lengthen_queue(bus)
     if settings.interface == "udp_multicast":
         _hear_own_group_only(bus)
     if settings.interface == "slcan":
@@ -175,6 +180,10 @@ def _bus_options(settings: CanSettings) -> dict[str, Any]:
     if settings.interface == "virtual":
         options["protocol"] = can.CanProtocol.CAN_FD if settings.fd else can.CanProtocol.CAN_20
         return options
+    if settings.listen_only and settings.interface == "pcan":
+        options["state"] = can.BusState.PASSIVE
+    if settings.listen_only and settings.interface == "kvaser":
+        options["driver_mode"] = False  # canDRIVER_SILENT
     if settings.interface not in UNTIMED:
         options["bitrate"] = settings.bitrate
         if settings.fd:

@@ -29,6 +29,8 @@ class BusHealth:
     """Of these, those of interfaces that do not say what the error was."""
     overruns: int = 0
     """Times the controller lost frames because nobody took them."""
+    dropped_frames: int = 0
+    """Frames the kernel had no room for because nobody took them; only SocketCAN tells."""
     unsent: int = 0
     """Times the controller had no room for a frame to be sent."""
     unacknowledged: int = 0
@@ -85,6 +87,11 @@ class BusHealth:
             found.append(f"nobody on {name} acknowledges frames: check wiring, termination and the object's power")
         if self.overruns:
             found.append(f"the CAN controller of {name} lost frames because this computer was too slow")
+        if self.dropped_frames:
+            found.append(
+                f"frames from {name} were lost because this computer was too slow: end other programs, or raise "
+                "net.core.rmem_max (sysctl)"
+            )
         if self.unsent:
             found.append(f"the CAN controller of {name} has no room for frames to be sent: the bus is too busy")
         if self.unexplained:

@@ -11,6 +11,7 @@ from typing import Any
 import can
 
 from host.plain_text import plain
+from host.transports.can_bus_drivers import LISTENING
 from host.transports.serial_listing import SerialPort
 
 ARPHRD_CAN = "280"
@@ -20,9 +21,10 @@ SLCAN_ADAPTERS = {
     "16d0:117e": "CANable 2 (SLCAN)",
     "ad50:60c4": "CANable (SLCAN)",
     "0403:ffa8": "Lawicel CANUSB",
-    "0483:5740": "STM32 virtual COM port, may be an SLCAN adapter",
 }
 """USB ids of adapters that speak SLCAN on a serial port."""
+PERHAPS_SLCAN = {"0483:5740": "STM32 virtual COM port, may be an SLCAN adapter"}
+"""USB ids of adapters and of other devices: not to be sent anything unasked."""
 DRIVERS = ("gs_usb", "pcan", "kvaser", "ixxat", "vector", "canalystii", "cantact", "neovi", "nican", "systec")
 """Interfaces of python-can that can list their adapters without a pause and without sending."""
 
@@ -36,6 +38,8 @@ class CanPort:
     description: str
     state: str
     """``up``, ``down``, or empty where nobody knows before it is opened."""
+    can_listen: bool
+    """Whether it can be opened without a sign to the bus, and to what else may be there."""
 
     def to_json(self) -> dict[str, Any]:
         """Turn into plain values."""
@@ -54,9 +58,9 @@ def list_can_ports(serial_ports: Iterable[SerialPort] = (), sys_net: Path = SYS_
     """
     ports = _socketcan(sys_net) + _adapters()
     ports += [
-        CanPort(f"can:slcan:{port.device}?bitrate=500000", SLCAN_ADAPTERS[port.vid_pid], "")
+        CanPort(f"can:slcan:{port.device}?bitrate=500000", what, "", port.vid_pid in SLCAN_ADAPTERS)
         for port in serial_ports
-        if port.vid_pid in SLCAN_ADAPTERS
+        if (what := (SLCAN_ADAPTERS | PERHAPS_SLCAN).get(port.vid_pid)) is not None
     ]
     return sorted(ports, key=lambda port: port.link)
 
@@ -73,7 +77,7 @@ def _socketcan(sys_net: Path) -> list[CanPort]:
                 virtual = not (interface / "device").exists()
                 description = "virtual SocketCAN interface" if virtual else "SocketCAN interface"
                 state = "up" if flags & 1 else "down"
-                ports.append(CanPort(f"can:socketcan:{plain(interface.name, 20)}", description, state))
+                ports.append(CanPort(f"can:socketcan:{plain(interface.name, 20)}", description, state, True))
     return ports
 
 
@@ -85,5 +89,6 @@ def _adapters() -> list[CanPort]:
             found = list(can.detect_available_configs([interface]))
         for config in found:
             channel = plain(str(config.get("channel", "")), 60)
-            ports.append(CanPort(f"can:{interface}:{channel}?bitrate=500000", f"{interface} adapter", ""))
+            link = f"can:{interface}:{channel}?bitrate=500000"
+            ports.append(CanPort(link, f"{interface} adapter", "", interface in LISTENING))
     return ports

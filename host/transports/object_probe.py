@@ -19,7 +19,7 @@ from host.link_uri import parse_link_uri
 from host.transports import open_transport
 from host.transports.chunks import FrameChunk
 
-LISTEN_S = 1.6
+LISTEN_S = 2.0
 _TELLING = frozenset({CanFunction.STATUS, CanFunction.ORIENTATION, CanFunction.SAMPLE_STATE, CanFunction.TIME})
 
 

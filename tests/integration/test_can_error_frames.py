@@ -143,3 +143,29 @@ def test_errors_of_an_interface_that_does_not_explain_them_are_told(request: pyt
         spy.send(can.Message(is_error_frame=True, is_extended_id=False))
         read_all(transport)
         assert "errors on the bus" in transport.problems[0]
+
+
+def test_the_queue_of_a_socketcan_link_is_long_and_says_what_it_dropped() -> None:
+    import types
+
+    from host.transports.socketcan_queue import dropped_frames, lengthen_queue
+
+    kernel = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    ours = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with kernel, ours:
+        ours.bind(("127.0.0.1", 0))
+        bus = types.SimpleNamespace(socket=ours)
+        before = ours.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+        lengthen_queue(bus)
+        assert ours.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) >= before
+        assert dropped_frames(bus) == 0
+        ours.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2304)
+        for _ in range(50):
+            kernel.sendto(bytes(16), ours.getsockname())
+        taken = 0
+        ours.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while ours.recv(100):
+                taken += 1
+        assert dropped_frames(bus) == 50 - taken > 0
+    assert dropped_frames(types.SimpleNamespace()) == 0
