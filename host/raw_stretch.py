@@ -27,13 +27,12 @@ FEW_LENGTHS = 32
 _BODY = MESSAGE_HEAD_BYTES
 _HEAD = np.dtype(
     {
-        "names": ["encapsulation", "checked", "host_time_ns", "crc32", "kind", "length"],
-        "formats": ["<u4", "V9", "<i8", "<u4", "u1", "<u4"],
-        "offsets": [0, 4, 4, 12, 16, 20],
+        "names": ["encapsulation", "host_time_ns", "crc32", "kind", "length"],
+        "formats": ["<u4", "<i8", "<u4", "u1", "<u4"],
+        "offsets": [0, 4, 12, 16, 20],
         "itemsize": fmt.RAW_HEAD_BYTES,
     }
 )
-_CHECKED_HEAD = fmt.CHECKED_HEAD_BYTES
 _ENCAPSULATION = int.from_bytes(CDR_LITTLE_ENDIAN, "little")
 
 
@@ -87,7 +86,7 @@ def raw_stretches(
     for index in [*np.flatnonzero(~good).tolist(), len(starts)]:
         if index > first:
             part = slice(first, index)
-            yield _stretch(view, ends[part] - heads["length"][part], heads[part])
+            yield _stretch(view, starts[part] + (_BODY + fmt.RAW_HEAD_BYTES), heads[part].view(_HEAD)[:, 0])
         if index < len(starts):
             try:
                 yield fmt.decode_raw(bytes(view[starts[index] + _BODY : ends[index]]))
@@ -106,29 +105,32 @@ def _rows(view: memoryview, starts: IntArray, length: int) -> ByteArray:
     return gathered.view(np.uint8).reshape(-1, length)
 
 
-def _good(view: memoryview, starts: IntArray, ends: IntArray) -> tuple[BoolArray, npt.NDArray[np.void]]:
-    """Tell which messages are undamaged chunks of bytes; and give the heads of all that are long enough for one."""
-    sizes = ends - starts - (_BODY + _HEAD.itemsize)
-    whole = sizes > 0
-    heads = np.zeros(len(starts), _HEAD)
-    heads[whole] = _overlapping(view, _HEAD)[starts[whole] + _BODY]
+def _good(view: memoryview, starts: IntArray, ends: IntArray) -> tuple[BoolArray, ByteArray]:
+    """Tell which messages are undamaged chunks of bytes; and give the heads (n, head) of all long enough for one."""
+    sizes = ends - starts - _BODY
+    good = np.zeros(len(starts), np.bool_)
+    heads = np.zeros((len(starts), fmt.RAW_HEAD_BYTES), np.uint8)
+    lengths = np.flatnonzero(np.bincount(sizes)).tolist()
+    for length in lengths:
+        if length > fmt.RAW_HEAD_BYTES:
+            chosen = np.flatnonzero(sizes == length) if len(lengths) > 1 else slice(None)
+            messages = _rows(view, starts[chosen] + _BODY, length)
+            head = messages[:, : fmt.RAW_HEAD_BYTES]
+            heads[chosen] = head
+            good[chosen] = _are_good(messages, np.ascontiguousarray(head).view(_HEAD)[:, 0])
+    return good, heads
+
+
+def _are_good(messages: ByteArray, heads: npt.NDArray[np.void]) -> BoolArray:
+    checked = [messages[:, place] for place in (slice(4, 12), slice(16, 17), slice(fmt.RAW_HEAD_BYTES, None))]
     good: BoolArray = (
-        whole
-        & (heads["encapsulation"] == _ENCAPSULATION)
-        & (heads["length"] == sizes)
+        (heads["encapsulation"] == _ENCAPSULATION)
+        & (heads["length"] == messages.shape[1] - fmt.RAW_HEAD_BYTES)
         & (heads["kind"] == fmt.BYTES_KIND)
         & (heads["host_time_ns"] >= 0)
+        & (checksums(np.concatenate(checked, axis=1)) == heads["crc32"])
     )
-    lengths = np.flatnonzero(np.bincount(sizes[good])).tolist() if good.any() else []
-    for length in lengths:
-        chosen = np.flatnonzero(good & (sizes == length)) if len(lengths) > 1 else np.flatnonzero(good)
-        rows = np.empty((len(chosen), _CHECKED_HEAD + length), np.uint8)
-        picked = heads[chosen]
-        rows[:, :8] = np.ascontiguousarray(picked["host_time_ns"]).view(np.uint8).reshape(-1, 8)
-        rows[:, 8] = picked["kind"]
-        rows[:, _CHECKED_HEAD:] = _rows(view, ends[chosen] - length, length)
-        good[chosen] = checksums(rows) == picked["crc32"]
-    return good, heads
+    return good
 
 
 def _stretch(view: memoryview, data_starts: IntArray, heads: npt.NDArray[np.void]) -> RawStretch:

@@ -8,7 +8,8 @@ looks like one) only breaks a run in two: it is never reached, because no record
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import struct
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,11 @@ LONGEST_BYTES = 2**24
 """A longer message is none of ours, nor a viewer's: it is left to the walk record by record."""
 HEAD_BYTES = 9
 """Kind u8, length u64."""
+LONGEST_BEAT = 64
+"""Records that come again and again in the same order are looked for up to so many."""
+WORTHWHILE = 500
+"""Shorter runs of them are left to the search for every start."""
+_HEAD = struct.Struct("<BQH")
 MESSAGE_HEAD_BYTES = 22
 """Channel u16, sequence u32, log time u64, publish time u64."""
 
@@ -48,6 +54,14 @@ def _numbers(block: memoryview, dtype: str, offset: int) -> npt.NDArray[np.unsig
     return np.ndarray((max(n, 0),), dtype, block, offset if n > 0 else 0, strides=(1,))
 
 
+def on_channels(channels: IntArray, ids: Iterable[int]) -> npt.NDArray[np.bool_]:
+    """Tell which of (n,) channels are among a few."""
+    found = np.zeros(len(channels), np.bool_)
+    for channel in ids:
+        found |= channels == channel
+    return found
+
+
 class RecordRuns:
     """The runs of message records in one block.
 
@@ -58,13 +72,65 @@ class RecordRuns:
     """
 
     def __init__(self, block: memoryview) -> None:
+        self._block = block
+        self._linked: _LinkedRecords | None = None
+
+    def at(self, offset: int) -> MessageRun | None:
+        """Return the run that begins with the record at an offset; None where that is no whole message."""
+        if self._linked is None:
+            run = _regular_run(self._block, offset)
+            if run is not None:
+                return run
+            self._linked = _LinkedRecords(self._block, offset)
+        return self._linked.at(offset)
+
+
+def _regular_run(block: memoryview, offset: int) -> MessageRun | None:
+    """Return the run at an offset where the same few records come again and again, as from a link that beats evenly.
+
+    Their heads are all that is looked at. None where the beat is lost soon, or there is none.
+    """
+    heads: list[tuple[int, int]] = []
+    ends = [offset]
+    while len(heads) <= 2 * LONGEST_BEAT and ends[-1] + _HEAD.size <= len(block):
+        kind, length, channel = _HEAD.unpack_from(block, ends[-1])
+        if kind != Opcode.MESSAGE or not MESSAGE_HEAD_BYTES <= length < LONGEST_BYTES:
+            break
+        heads.append((length, channel))
+        ends.append(ends[-1] + HEAD_BYTES + length)
+    beat = next((n for n in range(1, len(heads) // 2 + 1) if heads[n:] == heads[:-n]), None)
+    if beat is None:
+        return None
+    period = ends[beat] - offset
+    n_beats = (len(block) - offset) // period
+    for start in ends[:beat]:
+        parts = ((dtype, start + at) for dtype, at in (("u1", 0), ("<u8", 1), ("<u2", HEAD_BYTES)))
+        columns = [np.ndarray((n_beats,), dtype, block, at, strides=(period,)) for dtype, at in parts]
+        same = np.logical_and.reduce([column == column[0] for column in columns])
+        n_beats = n_beats if same.all() else int(np.argmin(same))
+        if n_beats * beat < WORTHWHILE:
+            return None
+    beats = np.arange(n_beats)[:, None] * period
+    return MessageRun(
+        (beats + np.array(ends[:beat])).ravel(),
+        (beats + np.array(ends[1 : beat + 1])).ravel(),
+        np.tile(np.array([channel for _, channel in heads[:beat]], dtype=np.int64), n_beats),
+    )
+
+
+class _LinkedRecords:
+    """Every place in a block, from an offset on, that can be the start of a message, linked to the next."""
+
+    def __init__(self, block: memoryview, offset: int) -> None:
+        block = block[offset:]
         data = np.frombuffer(block, np.uint8)
         starts = np.flatnonzero(data[: max(len(data) - HEAD_BYTES - MESSAGE_HEAD_BYTES + 1, 0)] == Opcode.MESSAGE)
         lengths = _numbers(block, "<u8", 1)[starts].astype(np.int64)  # impossible ones come out negative, or too long
         ends = starts + HEAD_BYTES + lengths
         whole = (lengths >= MESSAGE_HEAD_BYTES) & (lengths < LONGEST_BYTES) & (ends <= len(data))
-        self._starts, self._ends = starts[whole], ends[whole]
-        self._channels = _numbers(block, "<u2", HEAD_BYTES)[self._starts].astype(np.int64)
+        starts, ends = starts[whole], ends[whole]
+        self._channels = _numbers(block, "<u2", HEAD_BYTES)[starts].astype(np.int64)
+        self._starts, self._ends = starts + offset, ends + offset
         linked = self._starts[1:] == self._ends[:-1]
         self._breaks = np.append(np.flatnonzero(~linked), len(self._starts) - 1)
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +44,8 @@ class RecordedTrial:
     events: tuple[TimedEvent, ...]
     reconnects: int
     """How often the link was lost and opened again."""
-    clock: dict[str, Any] | None
-    """What the offline pass says of the object's clock and of the link's jitter; None where nothing can be said."""
+    late_clock: Callable[[], dict[str, Any] | None]
+    """Makes :attr:`clock`."""
     segments: tuple[SegmentStart, ...]
     """Where the device was reset or its clock stepped, after the first."""
     damage: tuple[str, ...]
@@ -53,6 +54,14 @@ class RecordedTrial:
     """What the file says of itself; None where the chunks came from elsewhere."""
     actions: tuple[OperatorAction, ...] = ()
     """What the operator did, in order, at most :data:`MAX_EVENTS`."""
+
+    @property
+    def clock(self) -> dict[str, Any] | None:
+        """What the offline pass says of the object's clock and of the link's jitter; None where nothing can be said.
+
+        It runs at the first call.
+        """
+        return self.late_clock()
 
 
 def assemble(
@@ -77,7 +86,7 @@ def assemble(
     assembly = TrialAssembly(node, trips)
     assembly.feed(delivered)
     assembly.finish()
-    assembler, arrivals = assembly.assembler, assembly.arrivals
+    assembler, arrivals, round_trips = assembly.assembler, assembly.arrivals, assembly.trips.round_trips()
     notes = [
         f"{segment.reason} at {segment.time_s:.1f} s: later samples are placed by the host's clock"
         for segment in assembler.segments[1:]
@@ -92,7 +101,7 @@ def assemble(
         temperatures_c=tuple(assembly.temperatures_c),
         events=tuple(assembly.events),
         reconnects=assembly.reopened,
-        clock=clock_values(arrivals.remapped(assembly.trips.round_trips()), arrivals.n_unplaced),
+        late_clock=cache(lambda: clock_values(arrivals.remapped(round_trips), arrivals.n_unplaced)),
         segments=tuple(assembler.segments),
         damage=(),
         header=None,

@@ -184,8 +184,6 @@ _RAW_HEAD = struct.Struct("<4sQIB3xI")
 _CRC_HEAD = struct.Struct("<QB")
 RAW_HEAD_BYTES = _RAW_HEAD.size
 """Of a raw message, before its data: encapsulation 4 bytes, host time u64, CRC-32 u32, kind u8, 3 spare, length u32."""
-CHECKED_HEAD_BYTES = _CRC_HEAD.size
-"""Of what its CRC-32 is taken of, before the data: host time u64, kind u8."""
 _QUATERNION = struct.Struct(f"<4siII{len(WORLD_FRAME) + 1}s{(-12 - len(WORLD_FRAME) - 1) % 8}x4d")
 _WORLD_BYTES = WORLD_FRAME.encode() + b"\0"
 

@@ -13,9 +13,8 @@ import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -27,12 +26,12 @@ from mcap.writer import MCAP0_MAGIC
 from host import recording_format as fmt
 from host.errors import FileError, unreadable
 from host.raw_stretch import RawStretch, raw_stretches
-from host.record_runs import MessageRun, RecordRuns
+from host.record_runs import MessageRun, RecordRuns, on_channels
 from host.transports.chunks import AnyChunk
 
 MAX_RECORD_BYTES = 64 * 2**20
 """A longer record is damage: ours have at most 64 KiB."""
-READ_BLOCK_BYTES = 2**20
+READ_BLOCK_BYTES = 2 * 2**20
 HEADER_BLOCK_BYTES = 16 * 2**10
 _FRAME = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -131,7 +130,7 @@ class RecordingReader:
                 yield from self._alone(topic, body)
                 continue
             raw = [channel for channel, name in self._channels.items() if name == fmt.RECEIVED]
-            received = np.isin(run.channels, raw)
+            received = on_channels(run.channels, raw)
             for channel, start, end in run.chosen(~received):
                 yield from self._alone(self._channels[channel], body[start:end])
             for item in raw_stretches(body, run.starts[received], run.ends[received]):
@@ -179,7 +178,7 @@ class RecordingReader:
                     }
                     if not names:
                         continue
-                    chosen = np.isin(run.channels, list(names))
+                    chosen = on_channels(run.channels, names)
                     bodies = run.starts[chosen] + _FRAME.size
                     yield "", body, MessageRun(bodies, run.ends[chosen], run.channels[chosen])
                     continue
@@ -211,9 +210,9 @@ class RecordingReader:
             "score a bag with `rotdrift score`, replay only what `rotdrift capture` wrote",
         )
 
-    def _open(self) -> IO[bytes]:
+    def _open(self) -> io.FileIO:
         try:
-            file = self.path.open("rb")
+            file = self.path.open("rb", buffering=0)
         except OSError as error:
             raise unreadable(self.path, error) from error
         magic = file.read(len(MCAP0_MAGIC))
@@ -234,19 +233,21 @@ class RecordingReader:
         self._channels[channel.id] = channel.topic
 
     def _records(
-        self, file: IO[bytes], block_bytes: int = READ_BLOCK_BYTES
+        self, file: io.FileIO, block_bytes: int = READ_BLOCK_BYTES
     ) -> Iterator[tuple[int, memoryview, MessageRun | None]]:
         """Walk the records up to the footer, the end, or the first impossible length.
 
         Gives kind and body of each; or, of messages that follow each other, the block they are in and their places.
+        What is given is overwritten when the next is asked for.
         """
-        buffer = b""
-        continuation = self._continuation
+        continuation = io.BytesIO(self._continuation)
+        buffer = memoryview(bytearray(block_bytes))
+        kept = 0  # bytes at its begin, of a record begun
         while True:
-            block = file.read(block_bytes)
-            if not block:
-                block, continuation = continuation, b""
-            view = memoryview(buffer + block) if buffer else memoryview(block)
+            if kept > block_bytes // 2:  # a record that hardly fits, or does not
+                buffer = memoryview(bytearray(bytes(buffer[:kept]) + bytes(max(kept, block_bytes))))
+            n_read = file.readinto(buffer[kept:]) or continuation.readinto(buffer[kept:])
+            view = buffer[: kept + n_read]
             offset = 0
             runs = RecordRuns(view)
             while len(view) - offset >= _FRAME.size:
@@ -270,9 +271,10 @@ class RecordingReader:
                     yield from ((kind, body, None) for kind, body in self._chunk_records(body))
                 else:
                     yield kind, body, None
-            buffer = bytes(view[offset:])
-            if not block:
-                left = f", {len(buffer)} bytes of a last record are left out" if buffer else ""
+            kept = len(view) - offset
+            buffer[:kept] = bytes(view[offset:])
+            if not n_read:
+                left = f", {kept} bytes of a last record are left out" if kept else ""
                 self.damage.append(f"the recording was not closed: it is read up to where it ends{left}")
                 return
 

@@ -16,10 +16,11 @@ import numpy as np
 
 from analysis.endpoint_choice import EndpointChoice
 from analysis.scoring import score_series
-from analysis.series import OrientationSeries
+from analysis.series import FloatArray, OrientationSeries
 from analysis.trial_score import ExcludedCycle, TrialScore, finite
 from firmware_protocol.packets import Info
 from host.errors import FileError
+from host.late_values import LateValues
 from host.loss_verdict import judge_losses
 from host.operator_actions import OperatorEdits, edits_of
 from host.plain_text import plain
@@ -41,6 +42,8 @@ class ScoreOptions:
     """File of the sensor's static baseline."""
     as_published: bool = False
     """Also the benchmark authors' Euler figure."""
+    preceding: tuple[FloatArray, ...] = ()
+    """End points (m, 4) of the motions that the authors' script worked through before, for their figure."""
     honour_actions: bool = True
     """Whether the operator's trial window and left-out cycles count; end points or a window chosen here go before."""
 
@@ -89,7 +92,6 @@ def score_trial(
             "resets": max(0, len(trial.segments) - 1),
             "reconnects": trial.reconnects,
         },
-        "clock": trial.clock,
         "missing_per_cycle": missing,
         "quality": verdict.to_json(),
         "events": [dataclasses.asdict(event) for event in trial.events],
@@ -100,7 +102,9 @@ def score_trial(
         extra["capture"] = capture
     ignored = (IGNORED,) if edits != done else ()
     warnings = (*ignored, *verdict.reasons, *trial_warnings(trial), *score.warnings)
-    return replace(score, warnings=warnings, extra=finite_mapping(extra))
+    # The clock's offline pass may take longer than all the rest, and the score does not depend on it.
+    late = LateValues(finite_mapping(extra), "clock", lambda: finite(trial.clock))
+    return replace(score, warnings=warnings, extra=late)
 
 
 def score_plain(
@@ -129,6 +133,7 @@ def score_plain(
         baseline=baseline,
         losses=losses,
         as_published=options.as_published,
+        preceding=options.preceding,
         excluded=excluded,
     )
     return replace(score, extra={**score.extra, "rotdrift_version": VERSION})

@@ -92,7 +92,7 @@ class SampleArrivals:
         ticks = np.concatenate(self._ticks)
         arrivals = np.maximum.accumulate(np.concatenate(self._arrivals))
         starts = np.array(self._starts, dtype=np.int64)
-        step = 1 + len(np.unique(arrivals)) // MAX_CHUNKS
+        step = 1 + (1 + int(np.count_nonzero(np.diff(arrivals)))) // MAX_CHUNKS
         if step > 1:
             chunk = np.cumsum(np.diff(arrivals, prepend=arrivals[0]) > 0)
             keep = np.flatnonzero(chunk % step == 0)

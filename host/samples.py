@@ -378,8 +378,8 @@ def series_of(blocks: list[SampleBlock], source: str, notes: Iterable[str] = ())
     if len(index) > 1 and not (np.diff(index) > 0).all():
         order = np.argsort(index, kind="stable")
         index, time_s, quats = index[order], time_s[order], quats[order]
-    forward = time_s > np.concatenate(([-np.inf], np.maximum.accumulate(time_s)[:-1]))
-    if not forward.all():
+    if not (np.diff(time_s) > 0).all():
+        forward = time_s > np.concatenate(([-np.inf], np.maximum.accumulate(time_s)[:-1]))
         notes.append(f"{int((~forward).sum())} samples whose device time did not increase were left out")
         index, time_s, quats = index[forward], time_s[forward], quats[forward]
     return OrientationSeries(time_s, quats, index, "sequence", source=source, notes=tuple(notes))

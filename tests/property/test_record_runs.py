@@ -63,3 +63,19 @@ def test_runs_are_the_records_that_walking_finds(seed, n, cut):
 def test_a_message_of_many_megabytes_is_left_to_the_walk():
     block = record(5, bytes(2**24 + 5)) + record(5, bytes(30))
     assert by_runs(block) == [(0, len(block) - 39, None), (len(block) - 39, len(block), 0)]
+
+
+@given(seed=st.integers(0, 2**32), beat=st.integers(1, 70), n=st.integers(0, 3000), cut=st.integers(0, 90))
+@settings(derandomize=True, deadline=None, max_examples=40)
+def test_records_that_come_evenly_are_found_up_to_where_they_do_not(seed, beat, n, cut):
+    rng = random.Random(seed)
+    sizes = [rng.randrange(30) for _ in range(beat)]
+    parts = []
+    for k in range(n):
+        head = struct.pack("<HIQQ", 1 + k % beat % 3, k, 5, 2**40)
+        parts.append(record(5, head + rng.randbytes(sizes[k % beat])))
+    for _ in range(rng.randrange(3) if n else 0):
+        parts[rng.randrange(n)] = rng.choice([b"", record(5, bytes(23)), record(4, b"x"), record(5, b"short")])
+    block = b"".join(parts)
+    block = block[: max(len(block) - cut, 0)]
+    assert by_runs(block) == walked(block)
