@@ -20,7 +20,7 @@ FloatArray = npt.NDArray[np.float64]
 
 _BLOCK = 4096  # rows per block: all scratch of one block fits the second-level cache
 _COLUMN_BLOCK = 16384  # where scratch is one column only
-_CONJUGATION = np.tile([1.0, -1.0, -1.0, -1.0], _BLOCK)
+_SIGN_BITS = np.tile(np.array([0, 1, 1, 1], dtype=np.uint64) << np.uint64(63), _BLOCK)
 _SMALL = 1e-8  # below this |v|, the first term of the series is exact in double precision
 
 IDENTITY: FloatArray = np.array([1.0, 0.0, 0.0, 0.0])
@@ -101,11 +101,11 @@ def conjugate(q: npt.ArrayLike) -> FloatArray:
         out = np.negative(quats)
         out[..., 0] = quats[..., 0]
         return out
-    # One pass over the memory, which is all the time it takes.
+    # One pass over the memory, which is all the time it takes: turning signs round costs less than multiplying.
     out = np.empty(quats.shape)
-    rows, result = quats.reshape(-1), out.reshape(-1)
+    rows, result = quats.reshape(-1).view(np.uint64), out.reshape(-1).view(np.uint64)
     for part in _blocks(len(rows), 4 * _BLOCK):
-        np.multiply(rows[part], _CONJUGATION[: part.stop - part.start], out=result[part])
+        np.bitwise_xor(rows[part], _SIGN_BITS[: part.stop - part.start], out=result[part])
     return out
 
 
