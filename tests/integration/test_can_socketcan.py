@@ -19,8 +19,10 @@ CHECKS = [
     "vcan_classic",
     "vcan_fd",
     "kernel_slcan_against_our_adapter",
-    "candump_and_canplayer",
+    "the_same_trial_by_capture_candump_and_canplayer",
     "link_down_and_up_during_a_capture",
+    "two_objects_on_one_bus_are_captured_at_once",
+    "error_frames_of_the_kernel_are_told",
     "filters_are_in_the_kernel",
     "ports_lists_the_interfaces",
 ]

@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import json
 import os
+import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -15,14 +18,23 @@ import time
 import traceback
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from analysis.scoring import score_series
+from firmware_protocol.can_frames import FrameFlag
+from firmware_protocol.quantization import SMALLEST_THREE_MAX_ERROR_DEG
+from firmware_protocol.serial_framing import encode_frame
 from host.recorded_trial import assemble
+from host.recording_reader import RecordingReader
 from host.transports.can_log import read_can_log
-from tests.can_link_run import finish, object_on, open_transport, receive
+from host.transports.chunks import Chunk, FrameChunk
+from tests.can_link_run import finish, object_on, open_transport, over, receive
 from tests.can_traffic import joined
+from tests.emulated_packets import trial_packets
 
+ROTDRIFT = (sys.executable, "-m", "rotdrift")
 FINIT_MODULE = 313  # x86-64
 
 
@@ -48,8 +60,8 @@ def wait_until(condition, limit_s: float = 10.0) -> None:
 
 
 @contextlib.contextmanager
-def running(*words: str) -> Iterator[subprocess.Popen]:
-    process = subprocess.Popen(words)
+def running(*words: str, **options: Any) -> Iterator[subprocess.Popen]:
+    process = subprocess.Popen(words, **options)
     try:
         yield process
     finally:
@@ -93,30 +105,81 @@ def kernel_slcan_against_our_adapter() -> None:
     assert got.session.info is not None
 
 
-def candump_and_canplayer() -> None:
+def the_same_trial_by_capture_candump_and_canplayer() -> None:
+    """One trial over vcan, in candump's log of it, and played again: all score as the packets themselves."""
+    packets = trial_packets("fast", 51.0)
+    serial = Chunk(b"".join(map(encode_frame, packets)), 0)
+    reference = assemble([serial], "reference")
     log = Path(tempfile.mkdtemp()) / "trial.log"
     with log.open("w") as file:
-        dump = subprocess.Popen(["candump", "-L", "vcan0"], stdout=file)
-        time.sleep(0.5)
-        with object_on("can:socketcan:vcan0?node=6", "fast") as (own, _), open_transport(own) as transport:
-            got = receive(transport, lambda got: got.n_samples >= 600, limit_s=60)
-            finish(transport, got)
-        dump.terminate()
-        dump.wait(10)
-    own_trial = assemble(got.chunks, "own", 6)
-    dumped = assemble(read_can_log(log).chunks, "candump", 6)
-    assert np.array_equal(own_trial.series.index, dumped.series.index), (len(own_trial.series), len(dumped.series))
-    assert np.array_equal(own_trial.series.quats_wxyz, dumped.series.quats_wxyz)
-    player = ("canplayer", "-I", str(log), "vcan1=vcan0")
-    with open_transport("can:socketcan:vcan1?node=6") as transport, running(*player):
-        chunks = []
+        dump = subprocess.Popen(["candump", "-L", "-T", "3000", "vcan0"], stdout=file)  # ends after 3 s of silence
+        wait_until(lambda: "vcan0" in Path("/proc/net/can/rcvlist_all").read_text())
+        captured = over("can:socketcan:vcan0?node=6", packets)
+        assert dump.wait(60) == 0
+    player = ("canplayer", "-t", "-g", "1", "-I", str(log), "vcan1=vcan0")  # no pauses but 1 ms
+    played: list[FrameChunk] = []
+    with open_transport("can:socketcan:vcan1?node=6") as transport, running(*player) as process:
         quiet = 0
-        while quiet < 15:
+        while quiet < 5:
             chunk = transport.read(0.1)
-            quiet = 0 if chunk is not None else quiet + 1
-            chunks += [chunk] if chunk is not None else []
-    played = assemble(chunks, "canplayer", 6)
-    assert np.array_equal(own_trial.series.quats_wxyz, played.series.quats_wxyz)
+            quiet = 0 if chunk is not None or process.poll() is None else quiet + 1
+            played += [chunk] if chunk is not None else []
+    expected = score_series(reference.series).to_json()
+    assert expected["valid"], expected["reasons"]
+    assert len(reference.series) >= 10_000
+    scores = []
+    for name, chunks in (("own", captured), ("candump", read_can_log(log).chunks), ("canplayer", played)):
+        trial = assemble(chunks, name, 6)
+        assert trial.losses.lost == trial.losses.rejected == 0, name
+        assert np.array_equal(trial.series.index, reference.series.index), (name, len(trial.series))
+        assert np.array_equal(trial.series.times_s, reference.series.times_s), name
+        score = score_series(trial.series).to_json()
+        ends = [point["sequence"] for point in score["endpoints"]]
+        assert ends == [point["sequence"] for point in expected["endpoints"]], name
+        assert abs(score["theta_bar_deg"] - expected["theta_bar_deg"]) <= 2 * SMALLEST_THREE_MAX_ERROR_DEG, name
+        scores.append(score["theta_bar_deg"])
+    assert len(set(scores)) == 1
+
+
+def two_objects_on_one_bus_are_captured_at_once() -> None:
+    """As a user does it: one ``rotdrift capture`` with two links."""
+    bus, folder = "can:socketcan:vcan0", Path(tempfile.mkdtemp())
+    out = folder / "capture.json"
+    with object_on(f"{bus}?node=3", "fast"), object_on(f"{bus}?node=4", "fast"):
+        words = [f"{bus}?node=3", f"{bus}?node=4", "--duration", "6", "--out", str(folder / "both"), "--json"]
+        with out.open("w") as file:
+            done = subprocess.run([*ROTDRIFT, "capture", *words], timeout=120, stdout=file, check=False)
+        assert done.returncode == 0, out.read_text()
+    results = json.loads(out.read_text())["results"]
+    for number, node in ((1, 3), (2, 4)):
+        result = results[number - 1]["result"]
+        assert result["valid"], result
+        assert result["losses"]["lost"] == 0
+        frames = [frame for chunk in RecordingReader(folder / f"both-{number}.mcap").chunks() for frame in chunk.frames]
+        assert {frame.arbitration_id & 31 for frame in frames if not frame.flags & FrameFlag.SENT} == {node}
+
+
+def error_frames_of_the_kernel_are_told() -> None:
+    """Error frames sent on a raw socket come back from the kernel as a driver's own would."""
+    said = {
+        0x040: (b"", "bus-off"),
+        0x020: (b"", "acknowledges"),
+        0x004: (b"\0\1", "computer was too slow"),
+    }
+    with (
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as raw,
+        object_on("can:socketcan:vcan0?node=11"),
+        open_transport("can:socketcan:vcan0?node=11") as transport,
+    ):
+        raw.bind(("vcan0",))
+        got = receive(transport, lambda got: got.n_samples >= 50, 200, limit_s=60)
+        for kind, (data, words) in said.items():
+            raw.send(struct.pack("=IB3x8s", 0x20000000 | kind, 8, data))
+            receive(transport, lambda _, w=words: any(w in each for each in transport.problems), limit_s=20, got=got)
+        finish(transport, got)
+    assert transport.health.state == "bus-off"
+    assert got.link.counters.error_frames == transport.health.error_frames == 3
+    check_whole(got)
 
 
 def link_down_and_up_during_a_capture() -> None:
@@ -144,17 +207,26 @@ def filters_are_in_the_kernel() -> None:
 
 def ports_lists_the_interfaces() -> None:
     from host.transports.can_listing import list_can_ports
+    from host.transports.object_probe import objects_on
 
-    links = {port.link: port for port in list_can_ports()}
+    links = {port.link: port for port in list_can_ports() if "vcan" in port.link}
     assert links["can:socketcan:vcan0"].state == "up"
+    with object_on("can:socketcan:vcan0?node=21"):
+        assert objects_on(list(links)) == {
+            "can:socketcan:vcan0": ["can:socketcan:vcan0?node=21"],
+            "can:socketcan:vcan1": [],
+            "can:socketcan:vcan2": [],
+        }
 
 
 CHECKS = (
     vcan_classic,
     vcan_fd,
     kernel_slcan_against_our_adapter,
-    candump_and_canplayer,
+    the_same_trial_by_capture_candump_and_canplayer,
     link_down_and_up_during_a_capture,
+    two_objects_on_one_bus_are_captured_at_once,
+    error_frames_of_the_kernel_are_told,
     filters_are_in_the_kernel,
     ports_lists_the_interfaces,
 )
