@@ -64,7 +64,7 @@ RUNS ?= 20000
 fuzz: $(VENV)/.dev
 	-@$(PIP) --editable '.[fuzz]'
 	$(BIN)/python -m tests.fuzz --runs $(RUNS)
-	for target in stream can recording cards scenario series; do \
+	for target in stream can recording cards scenario series bag; do \
 	  $(BIN)/python -m tests.fuzz $$target --atheris --runs $(RUNS) || exit 1; done
 
 clean:

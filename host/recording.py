@@ -24,6 +24,8 @@ from host.recording_sink import MAX_KEPT_BYTES, RecordingSink
 from host.transports.chunks import AnyChunk, Chunk
 from host.version import VERSION
 
+LAST_DATE_NS = 2**31 * 10**9 - 1
+"""ROS counts seconds in 32 bits: up to 2038. A damaged recording may claim any date."""
 FLUSH_PERIOD_NS = 50_000_000
 """Half of the promised 100 ms, so that a late turn of the loop still keeps the promise."""
 
@@ -124,8 +126,8 @@ class RecordingWriter:
         return self._sink.pending
 
     def wall_ns(self, host_time_ns: int) -> int:
-        """Turn a monotonic time into a date, ns since 1970."""
-        return host_time_ns + self._wall_minus_monotonic_ns
+        """Turn a monotonic time into a date, ns since 1970; what ROS cannot write becomes the nearest it can."""
+        return min(max(host_time_ns + self._wall_minus_monotonic_ns, 0), LAST_DATE_NS)
 
     def add_received(self, chunk: AnyChunk) -> None:
         """Record what the link delivered, before anything else is done with it."""

@@ -55,7 +55,7 @@ def guided(name: str, options: list[str], runs: int) -> int:
     except ModuleNotFoundError:
         print(f"{name}: atheris is not installed here, so no guided run", file=sys.stderr)
         return 0
-    limits = [f"-runs={runs}", "-timeout=5", "-rss_limit_mb=2048", "-max_len=8192"]
+    limits = [f"-runs={runs}", "-timeout=5", "-rss_limit_mb=2048", "-max_len=16384"]
     atheris.instrument_all()
     # What is found on the way goes into the first folder; the committed seeds are only read.
     corpus = Path(".fuzz") / name

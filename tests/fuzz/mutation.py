@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 SEEDS = Path(__file__).parent / "seeds"
-MAX_BYTES = 8192
+MAX_BYTES = 16384
 _TOKENS = [
     b"\x00",
     b"\xff\xff\xff\xff",

@@ -137,6 +137,7 @@ def _load_scenario(path: Path) -> object:
 cards = _answered(load_cards, ".toml", HostError)
 scenario = _answered(_load_scenario, ".toml", ScenarioError)
 series = _answered(read_series, ".csv", AnalysisError)
+bag = _answered(read_series, ".bag", AnalysisError)
 
 TARGETS: dict[str, Callable[[bytes], None]] = {
     "stream": stream,
@@ -145,5 +146,6 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     "cards": cards,
     "scenario": scenario,
     "series": series,
+    "bag": bag,
 }
 """Name -> what takes the bytes."""

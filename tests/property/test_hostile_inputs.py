@@ -35,7 +35,7 @@ from tests.can_traffic import object_at, sample_packets, timed
 from tests.fuzz.mutation import mutated, seeds_of
 from tests.fuzz.targets import TARGETS, check_ledger
 
-RUNS = {"stream": 600, "can": 250, "recording": 150, "cards": 1500, "scenario": 1500, "series": 800}
+RUNS = {"stream": 600, "can": 250, "recording": 150, "cards": 1500, "scenario": 1500, "series": 800, "bag": 300}
 
 
 @pytest.mark.parametrize("name", sorted(TARGETS))
