@@ -103,11 +103,6 @@ class LongPacketChannel:
         """Let time-outs and separation times pass; to be called now and then while something is under way."""
         self._layer.process()
 
-    @property
-    def is_sending(self) -> bool:
-        """Whether a packet is under way or waits."""
-        return bool(self._layer.transmitting())
-
     def take_outgoing(self) -> list[CanFrame]:
         """Return the frames to be sent since the last call."""
         outgoing = self._outgoing

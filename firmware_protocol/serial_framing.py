@@ -21,7 +21,6 @@ from cobs import cobs
 
 from firmware_protocol.errors import PacketValueError
 
-DELIMITER = 0x00
 CRC_BYTES = 2
 CRC_INITIAL = 0xFFFF
 MAX_PACKET_BYTES = 252

@@ -207,10 +207,6 @@ class LossLedger:
         rejected = min(damaged_frames, unexplained)
         return _replace(total, lost=unexplained - rejected, rejected=rejected)
 
-    def recent_gaps(self) -> tuple[Gap, ...]:
-        """Give the gaps still open in the present segment, the oldest first; bounded."""
-        return tuple(self._account.gaps)
-
     def _open(self, number: int) -> None:
         account = self._account
         account.first = number

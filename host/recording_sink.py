@@ -65,11 +65,6 @@ class RecordingSink:
             raise FileError(f"{path} cannot be created ({reason})", "give another place with --out") from error
 
     @property
-    def bytes_on_disk(self) -> int:
-        """Bytes handed to the system so far."""
-        return self._position
-
-    @property
     def pending(self) -> bytes:
         """What the disk has not taken yet."""
         return bytes(self._pending)

@@ -27,7 +27,6 @@ class ByteLink(Link):
     def __init__(self) -> None:
         self.tamper: Tamper | None = None
         """Faults on the framed bytes."""
-        self.bytes_written = 0
         self._rest = b""
         self._decoder = FrameDecoder()
 
@@ -76,7 +75,6 @@ class ByteLink(Link):
     def _flush(self) -> bool:
         if self._rest:
             written = self._write(self._rest)
-            self.bytes_written += written
             self._rest = self._rest[written:]
         return not self._rest
 
