@@ -10,6 +10,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from analysis.as_published import PublishedDrift
 from analysis.trial_score import TrialScore
 from host.plain_text import plain
 from host.score_batch import BatchRow
@@ -130,6 +131,8 @@ def _facts(score: TrialScore) -> Iterator[tuple[str, str]]:
             )
     if score.other is not None and score.other.drift is not None:
         yield "other end", f"θ̄ {score.other.drift.theta_bar_deg:.3f}° at the other extreme of the motion"
+    if score.published is not None:
+        yield "published", _published(score.published)
     if score.sensor is not None:
         yield "sensor", plain(score.sensor.note, 300)
     if score.losses is not None:
@@ -139,6 +142,17 @@ def _facts(score: TrialScore) -> Iterator[tuple[str, str]]:
         found = "no score" if theta is None else f"θ̄ {theta:.3f}°"
         yield "automatic", f"{found} with {score.automatic.n_endpoints} end points found by the search"
     yield "read as", plain(score.convention, 200)
+
+
+def _published(published: PublishedDrift) -> str:
+    text = f"{published.mended_deg:.4f}° by the authors' script, its array cleared; "
+    if published.stale_rows:
+        return (
+            text + f"{published.as_published_deg:.4f}° with {published.stale_rows} steps of earlier motions left in it"
+        )
+    if published.preceding:
+        return text + "the same as published: no earlier motion had more cycles"
+    return text + "the same as published, unless a longer motion came before (--preceding)"
 
 
 def _losses(score: TrialScore) -> str:

@@ -49,6 +49,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--plot", type=Path, metavar="IMAGE", help="draw the trial: rotation, steps, sensitivity (.png, .svg or .pdf)"
     )
     parser.add_argument("--as-published", action="store_true", help="also the benchmark authors' Euler figure")
+    parser.add_argument(
+        "--preceding",
+        action="append",
+        default=[],
+        metavar="FILE[=ENDPOINTS]",
+        help="a recording that the authors' script worked through before this one, in its order; may be repeated",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -95,8 +102,8 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
     from host.score_batch import BatchRow, score_many
     from host.score_view import render_batch
 
-    for name, value in (("--endpoints", args.endpoints), ("--plot", args.plot)):
-        if value is not None:
+    for name, value in (("--endpoints", args.endpoints), ("--plot", args.plot), ("--preceding", args.preceding)):
+        if value:
             raise UsageError(f"{name} belongs to one recording, here are {len(files)}", "score that one alone")
     console = Console(stderr=True)
     with Progress(
@@ -152,8 +159,10 @@ def score_file(path: Path, args: argparse.Namespace) -> ScoredRecording:
     from analysis.series import ReaderError
     from host.errors import UsageError
     from host.result import ScoreOptions
+    from host.score_preceding import preceding_endpoints
     from host.scored_recording import ReadOptions, score_recording
 
+    reading = ReadOptions(args.columns, args.rate, args.topic, args.node)
     window = None if args.start is None and args.end is None else (args.start, args.end)
     try:
         chosen = None if args.endpoints is None else parse_endpoints(args.endpoints)
@@ -161,8 +170,14 @@ def score_file(path: Path, args: argparse.Namespace) -> ScoredRecording:
         raise UsageError(str(error)) from error
     return score_recording(
         path,
-        ScoreOptions(None, chosen, args.baseline, args.as_published, not args.ignore_actions),
-        ReadOptions(args.columns, args.rate, args.topic, args.node),
+        ScoreOptions(
+            endpoints=chosen,
+            baseline=args.baseline,
+            as_published=args.as_published or bool(args.preceding),
+            honour_actions=not args.ignore_actions,
+            preceding=preceding_endpoints(args.preceding, reading),
+        ),
+        reading,
         window,
     )
 
