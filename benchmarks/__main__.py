@@ -19,7 +19,7 @@ from typing import Any
 from benchmarks.measurement import Topic
 from benchmarks.report import machine, markdown, plot
 
-TOPICS = ("decode", "rotations", "scoring", "start_up", "recording", "can_decode", "live", "growth")
+TOPICS = ("decode", "rotations", "scoring", "start_up", "recording", "can_decode", "live", "dashboard_cost", "growth")
 """Modules with ``measure(quick) -> Topic``, in the order of the table."""
 
 

@@ -1,14 +1,15 @@
-"""What the dashboard costs: ``python -m benchmarks.dashboard_cost [--rounds 3] [--seconds 12] [--size 80x24]``.
+"""What the dashboard costs: ``python -m benchmarks.dashboard_cost [--seconds 62] [--size 80x24]``.
 
-A virtual object at 1 kHz on a pty, a capture of it in a terminal of its own, in turn with the dashboard and with a line
-per cycle. Measured:
+A virtual object at 1 kHz on a pty, one capture of it in a terminal of its own. The dashboard is drawn in every second
+stretch of three seconds and rests in the others, so that whatever slows the machine meets both alike; figures are taken
+per pair of neighbouring stretches. Measured:
 
-arrival-to-decode
+arrival to decode
     From the stamp of a chunk (right after the read that brought it) to the end of ``Trial.feed`` with it.
+CPU
+    Of the process that draws, and what the capture itself uses more than in the stretch before, as shares of a core.
 pictures
     A second, counted as rewritten "losses" lines, which change with every sample.
-CPU
-    Of the capture and of the process that draws, as shares of one core.
 end point to screen
     From the arrival of the sample at the end point to the moment the terminal received the new count of cycles. The
     end point must first be confirmed: the angle has to go back from it, which is a share of the period.
@@ -20,17 +21,18 @@ import argparse
 import json
 import os
 import re
-import resource
 import subprocess
 import sys
 import tempfile
 import threading
 import time
 from pathlib import Path
-from statistics import median
+from typing import Any
 
 import numpy as np
 
+from benchmarks.measurement import COST, Row, Topic, figure
+from benchmarks.report import markdown
 from host.virtual_object_process import VirtualObjectProcess
 
 PERIOD_S = 1.0
@@ -47,49 +49,73 @@ angle_deg = 0.4
 [device]
 rate_hz = 1000
 """
-WARM_UP_S = 2.0
-_COUNT = re.compile(rb"(\d+) cycles? \xc2\xb7")
+STRETCH_NS = 3_000_000_000
+SETTLE_NS = 300_000_000
+"""At the begin of a stretch, not counted: the last picture, or the first."""
+WARM_UP = 1
+"""Pairs not counted."""
+SECONDS = 62.0
+SIZE = (80, 24)
+ENDPOINT_LIMIT_S = 0.4 * PERIOD_S + 0.15
+_COUNT = re.compile(rb"(\d+) cycles?(?:\x1b\[[\d;]*m)* \xc2\xb7")
 
 
-def run_one(link: str, folder: Path, seconds: float, plain: bool) -> None:
+def run_one(link: str, folder: Path, seconds: float) -> None:
     """Be the capture: instrumented, in this process's terminal; figures go to a file."""
-    import threading as threads
-
     from host import capture_run
     from host.capture import CaptureSettings
-    from host.screen import ScreenChoice, open_screen
+    from host.live_screen import LiveScreen
+    from host.screen import open_screen
     from host.trial import Trial
 
-    delays_ns: list[tuple[int, int]] = []
+    delays: list[tuple[int, int]] = []
     arrivals: list[tuple[float, int]] = []
     endpoints: dict[int, int] = {}
 
     class MeasuredTrial(Trial):
-        def feed(self, chunk):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+        def feed(self, chunk: Any) -> Any:
             update = super().feed(chunk)
-            delays_ns.append((chunk.host_time_ns, time.monotonic_ns() - chunk.host_time_ns))
+            delays.append((chunk.host_time_ns, time.monotonic_ns() - chunk.host_time_ns))
             arrivals.append((self.newest_s, chunk.host_time_ns))
             for row in update.cycles:
-                at = np.searchsorted([newest_s for newest_s, _ in arrivals[-5000:]], row.time_s)
-                endpoints[row.number] = arrivals[-5000:][min(at, len(arrivals[-5000:]) - 1)][1]
+                recent = arrivals[-5000:]
+                at = int(np.searchsorted([newest_s for newest_s, _ in recent], row.time_s))
+                endpoints[row.number] = recent[min(at, len(recent) - 1)][1]
             return update
 
+    stretches: list[dict[str, Any]] = []
+    screen: Any = open_screen(False)
+    assert isinstance(screen, LiveScreen), "needs a terminal"
+    draw = screen.update
+
+    def every_second_stretch(state: Any, index: int = 0) -> None:
+        now_ns = time.monotonic_ns()
+        if not stretches or now_ns - stretches[-1]["from_ns"] >= STRETCH_NS:
+            moment = {"ns": now_ns, "cpu_s": time.process_time(), "screen_cpu_s": _cpu_s(screen.process_id)}
+            if stretches:
+                stretches[-1]["end"] = moment
+            stretches.append({"from_ns": now_ns, "drawn": len(stretches) % 2 == 1, "begin": moment})
+        if stretches[-1]["drawn"]:
+            draw(state, index)
+
+    screen.update = every_second_stretch
     capture_run.Trial = MeasuredTrial  # type: ignore[misc]
-    screen = open_screen(False, choice=ScreenChoice(plain_lines=plain))
-    before = resource.getrusage(resource.RUSAGE_SELF)
-    capture_run.record(link, folder / "trial.mcap", CaptureSettings(duration_s=seconds), screen, threads.Event())
-    after, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
-    first_ns = delays_ns[0][0] + WARM_UP_S * 1e9
-    figures = {
-        "delays_ms": [delay / 1e6 for at, delay in delays_ns if at > first_ns],
-        "endpoints_ns": endpoints,
-        "cpu_s": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
-        "screen_cpu_s": children.ru_utime + children.ru_stime,
-    }
-    (folder / "figures.json").write_text(json.dumps(figures))
+    capture_run.record(link, folder / "trial.mcap", CaptureSettings(duration_s=seconds), screen, threading.Event())
+    at_ns, delay_ns = np.array(delays, dtype=np.int64).T
+    for stretch in stretches[:-1]:
+        inside = (at_ns >= stretch["from_ns"] + SETTLE_NS) & (at_ns < stretch["end"]["ns"])
+        stretch["delays_ms"] = (delay_ns[inside] / 1e6).tolist()
+    (folder / "figures.json").write_text(json.dumps({"stretches": stretches[:-1], "endpoints": endpoints}))
 
 
-def watch(link: str, seconds: float, size: tuple[int, int], plain: bool) -> dict[str, float]:
+def _cpu_s(process_id: int | None) -> float:
+    """CPU time of another process, s; NaN where the system does not tell."""
+    if process_id is None or not sys.platform.startswith("linux"):
+        return float("nan")
+    return time.clock_gettime((~process_id << 3) | 2)  # the kernel's number of that process's CPU clock
+
+
+def watch(link: str, seconds: float, size: tuple[int, int]) -> dict[str, Any]:
     """Run one capture in a terminal and watch what arrives there."""
     import fcntl
     import pty
@@ -101,53 +127,33 @@ def watch(link: str, seconds: float, size: tuple[int, int], plain: bool) -> dict
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", height, width, 0, 0))
     losses = f"\x1b[{height - 3};1H".encode()
     seen: dict[int, int] = {}
-    pictures = 0
-    n_bytes = 0
+    pictures_ns: list[int] = []
 
     def read() -> None:
-        nonlocal pictures, n_bytes
         while True:
             try:
                 data = os.read(master, 65536)
             except OSError:
                 return
             now_ns = time.monotonic_ns()
-            n_bytes += len(data)
-            pictures += data.count(losses)
+            pictures_ns.extend([now_ns] * data.count(losses))
             for found in _COUNT.finditer(data):
                 seen.setdefault(int(found[1]), now_ns)
 
-    threading.Thread(target=read, daemon=True).start()
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
     with tempfile.TemporaryDirectory() as folder:
-        command = [
-            sys.executable,
-            "-m",
-            "benchmarks.dashboard_cost",
-            "--run",
-            link,
-            folder,
-            str(seconds),
-            str(int(plain)),
-        ]
+        command = [sys.executable, "-m", "benchmarks.dashboard_cost", "--run", link, folder, str(seconds)]
+        environment = {**os.environ, "TERM": "xterm-256color", "PYTHONUTF8": "1"}
         done = subprocess.run(
-            command, stdin=slave, stdout=slave, stderr=slave, check=False, preexec_fn=_take_terminal, env=_environment()
+            command, stdin=slave, stdout=slave, stderr=slave, check=False, preexec_fn=_take_terminal, env=environment
         )
         os.close(slave)
-        figures = json.loads((Path(folder) / "figures.json").read_text()) if not done.returncode else {}
-    if not figures:
-        raise SystemExit("the capture failed")
-    delays = np.array(figures["delays_ms"])
-    latencies = [seen[int(n)] - at for n, at in figures["endpoints_ns"].items() if int(n) > 2 and int(n) in seen]
-    return {
-        "p50_ms": float(np.percentile(delays, 50)),
-        "p99_ms": float(np.percentile(delays, 99)),
-        "pictures_per_s": pictures / seconds,
-        "kB_per_s": n_bytes / 1e3 / seconds,
-        "capture_cpu_percent": 100 * figures["cpu_s"] / seconds,
-        "screen_cpu_percent": 100 * figures["screen_cpu_s"] / seconds,
-        "endpoint_to_screen_s": max(latencies) / 1e9 if latencies else float("nan"),
-        "endpoint_to_screen_p50_s": median(latencies) / 1e9 if latencies else float("nan"),
-    }
+        if done.returncode:
+            raise SystemExit("the capture failed")
+        figures: dict[str, Any] = json.loads((Path(folder) / "figures.json").read_text())
+    reader.join(5)
+    return {**figures, "seen": seen, "pictures_ns": pictures_ns}
 
 
 def _take_terminal() -> None:
@@ -159,40 +165,82 @@ def _take_terminal() -> None:
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
 
-def _environment() -> dict[str, str]:
-    return {**os.environ, "TERM": "xterm-256color", "PYTHONUTF8": "1"}
+def measure(quick: bool = False, seconds: float | None = None, size: tuple[int, int] = SIZE) -> Topic:
+    """Measure everything of this topic."""
+    topic = Topic(f"Dashboard: one object at 1 kHz, {size[0]}x{size[1]}, period {PERIOD_S:g} s")
+    if sys.platform == "win32":
+        topic.left_out.append("the dashboard: needs a pty")
+        return topic
+    if quick and seconds is None:
+        topic.left_out.append("the dashboard: takes a minute, `python -m benchmarks --only dashboard_cost`")
+        return topic
+    with tempfile.TemporaryDirectory() as folder:
+        scenario = Path(folder) / "kilohertz.toml"
+        scenario.write_text(SCENARIO)
+        with VirtualObjectProcess(str(scenario)) as virtual:
+            got = watch(virtual.link, seconds or SECONDS, size)
+    stretches = got["stretches"][2 * WARM_UP :]
+    pairs = list(zip(stretches[0::2], stretches[1::2], strict=False))
+    note = f"median of {len(pairs)} pairs of stretches of {STRETCH_NS / 1e9:g} s; range of single pairs"
+    for name, at in (("resting", 0), ("drawn", 1)):
+        values = [_p99(pair[at]) for pair in pairs]
+        topic.rows.append(figure(f"arrival to decode p99, dashboard {name}", values, "ms"))
+    ratios = [_p99(drawn) / _p99(resting) for resting, drawn in pairs]
+    topic.rows.append(figure("the same, drawn / resting", ratios, "×", note, 1.10, COST))
+    used = {part: [_share(pair[1], part) for pair in pairs] for part in ("cpu_s", "screen_cpu_s")}
+    more = [_share(drawn, "cpu_s") - _share(resting, "cpu_s") for resting, drawn in pairs]
+    topic.rows.append(figure("CPU of the capture, dashboard drawn", used["cpu_s"], "% of a core"))
+    topic.rows.append(figure("CPU of the process that draws", used["screen_cpu_s"], "% of a core"))
+    both = [a + b for a, b in zip(used["screen_cpu_s"], more, strict=True)]
+    topic.rows.append(figure("CPU for the dashboard, both processes", both, "% of a core", note, 8.0, COST))
+    rates = [_pictures(drawn, got["pictures_ns"]) for _, drawn in pairs]
+    topic.rows.append(Row("pictures a second, most", max(rates), "1/s", min(rates), max(rates), 10.0, COST))
+    latencies = _latencies(pairs, got)
+    if latencies:
+        value = figure("end point to screen", latencies, "s", f"of {len(latencies)} end points")
+        topic.rows.append(value)
+        limit = f"goal: 0.4 period + 150 ms; of {len(latencies)} end points"
+        topic.rows.append(Row("the same, longest", max(latencies), "s", goal=ENDPOINT_LIMIT_S, sense=COST, note=limit))
+    return topic
+
+
+def _p99(stretch: dict[str, Any]) -> float:
+    return float(np.percentile(stretch["delays_ms"], 99))
+
+
+def _share(stretch: dict[str, Any], part: str) -> float:
+    begin, end = stretch["begin"], stretch["end"]
+    return float(100 * (end[part] - begin[part]) / ((end["ns"] - begin["ns"]) / 1e9))
+
+
+def _pictures(stretch: dict[str, Any], pictures_ns: list[int]) -> float:
+    from_ns, to_ns = stretch["from_ns"] + SETTLE_NS, stretch["end"]["ns"]
+    return sum(from_ns <= at_ns < to_ns for at_ns in pictures_ns) / ((to_ns - from_ns) / 1e9)
+
+
+def _latencies(pairs: list[tuple[dict[str, Any], dict[str, Any]]], got: dict[str, Any]) -> list[float]:
+    """End point to screen, s, of those end points whose cycle should have been seen in a drawn stretch."""
+    found = []
+    for number, at_ns in got["endpoints"].items():
+        for _, drawn in pairs:
+            if drawn["from_ns"] <= at_ns < drawn["end"]["ns"] - 2e9 * ENDPOINT_LIMIT_S and int(number) in got["seen"]:
+                found.append((got["seen"][int(number)] - at_ns) / 1e9)
+    return found
 
 
 def main() -> None:
     """Measure, or be the capture that is measured."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--seconds", type=float, default=12.0)
+    parser.add_argument("--seconds", type=float, default=SECONDS)
     parser.add_argument("--size", default="80x24")
-    parser.add_argument("--run", nargs=4, help=argparse.SUPPRESS)
+    parser.add_argument("--run", nargs=3, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.run:
-        run_one(args.run[0], Path(args.run[1]), float(args.run[2]), args.run[3] == "1")
+        run_one(args.run[0], Path(args.run[1]), float(args.run[2]))
         return
     width, height = map(int, args.size.split("x"))
-    rounds: dict[bool, list[dict[str, float]]] = {False: [], True: []}
-    with tempfile.TemporaryDirectory() as folder:
-        scenario = Path(folder) / "kilohertz.toml"
-        scenario.write_text(SCENARIO)
-        for _ in range(args.rounds):
-            for plain in (True, False):
-                with VirtualObjectProcess(str(scenario)) as virtual:
-                    rounds[plain].append(watch(virtual.link, args.seconds, (width, height), plain))
-    ratios = [a["p99_ms"] / b["p99_ms"] for a, b in zip(rounds[False], rounds[True], strict=True)]
-    print(f"1 kHz, period {PERIOD_S:g} s, {args.size}, medians of {args.rounds} rounds of {args.seconds:g} s\n")
-    print("| figure | dashboard | lines |\n|---|---|---|")
-    for name in rounds[False][0]:
-        with_it, without = (median(item[name] for item in rounds[plain]) for plain in (False, True))
-        print(f"| {name} | {with_it:.3f} | {without:.3f} |")
-    print(f"\np99 with / without: {median(ratios):.3f} (rounds {', '.join(f'{ratio:.2f}' for ratio in ratios)})")
-    limit_s = 0.4 * PERIOD_S + 0.15
-    worst_s = max(item["endpoint_to_screen_s"] for item in rounds[False])
-    print(f"end point to screen, longest of all rounds: {worst_s:.3f} s (limit 0.4 period + 150 ms = {limit_s:.3f} s)")
+    print(markdown([measure(seconds=args.seconds, size=(width, height))]))
+    print(f"load: {' '.join(f'{value:.1f}' for value in os.getloadavg())}")
 
 
 if __name__ == "__main__":

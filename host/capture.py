@@ -33,7 +33,8 @@ from host.trial_state import LinkView, RecordingView, TrialState
 
 LOOP_S = 0.02
 """Longest wait for a chunk: how late a timeout or a flush may be."""
-STATE_NS = 100_000_000
+STATE_NS = 200_000_000
+"""Between two states for the screen, where nothing happens that a person waits for: as often as it is drawn."""
 DISK_NS = 2_000_000_000
 
 

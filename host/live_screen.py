@@ -66,6 +66,11 @@ class LiveScreen:
         self._without = without
         self._given_back = False
 
+    @property
+    def process_id(self) -> int | None:
+        """Number of the process that draws; None before and after."""
+        return None if self._process is None else self._process.pid
+
     def start(self) -> None:
         """Take the terminal."""
         self._modes = save_modes(self._descriptor)

@@ -19,7 +19,8 @@ from host.transports.chunks import LinkEnd, Transport
 from host.trial import Trial
 from host.trial_state import LinkView, RecordingView, TrialState
 
-STATE_NS = 100_000_000
+STATE_NS = 200_000_000
+"""Between two states for the screen, where nothing happens that a person waits for: as often as it is drawn."""
 READ_S = 0.05
 
 

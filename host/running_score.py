@@ -41,22 +41,15 @@ class RunningScore:
         self.window: WindowView | None = None
         self.theta_bar_deg: float | None = None
         self.interval: DriftInterval | None = None
+        self.n_endpoints = 0
+        """End points that count: in the window, less one for every cycle left out."""
+        self.origin_wxyz: tuple[float, float, float, float] | None = None
+        """Orientation at the first end point that counts."""
 
     @property
     def rows(self) -> tuple[CycleRow, ...]:
         """The newest cycles."""
         return tuple(self._rows)
-
-    @property
-    def n_endpoints(self) -> int:
-        """End points that count: in the window, less one for every cycle left out."""
-        inside = [k for k in range(len(self._times_s)) if self._inside(k)]
-        return len(inside) - sum(1 for k in self._left_out if self._step_inside(k)) if inside else 0
-
-    @property
-    def origin_wxyz(self) -> tuple[float, float, float, float] | None:
-        """Orientation at the first end point that counts."""
-        return next((_four(self._quats[k]) for k in range(len(self._quats)) if self._inside(k)), None)
 
     @property
     def more_cycles(self) -> int | None:
@@ -98,7 +91,7 @@ class RunningScore:
         """Begin again: what looked like cycles was a part of one, or movement before the first."""
         for kept in (self._rows, self._quats, self._times_s, self._dwells_s, self._left_out):
             kept.clear()
-        self.theta_bar_deg = self.interval = None
+        self._score(always=True)
 
     def set_window(self, window: WindowView | None) -> None:
         """Count only end points inside a window."""
@@ -152,6 +145,8 @@ class RunningScore:
     def _score(self, always: bool) -> None:
         inside = [k for k in range(len(self._quats)) if self._inside(k)]
         left_out = [k - 1 - inside[0] for k in self._left_out if self._step_inside(k)] if inside else []
+        self.n_endpoints = len(inside) - len(left_out)
+        self.origin_wxyz = _four(self._quats[inside[0]]) if inside else None
         n_steps = len(inside) - 1 - len(left_out)
         if n_steps < 1:
             self.theta_bar_deg = self.interval = None

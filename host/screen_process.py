@@ -31,6 +31,8 @@ FRAME_S = 0.1
 """Shortest time between two pictures: 10 a second."""
 CALM_S = 0.22
 """Time between two pictures when nothing happened that a person waits for."""
+NICE = 5
+"""By how much the capture goes before, where both want the processor."""
 LEAVE_S = 1.0
 """How long to wait at the end for a terminal that takes nothing."""
 ASIDE = "\r\nThe capture goes on. Press any key to come back to its screen; q there ends it.\r\n"
@@ -61,7 +63,7 @@ class ScreenProcess:
         self._cycles: dict[int, tuple[CycleRow, ...]] = {}
         self._keys = KeyReader(View(look=Look(settings.ascii_only, settings.light)))
         self._stop = False
-        self._urgent = True
+        self._urgent = self._news = True
         self._bell = False
         self._anew = True
         self._lines: list[str] = []
@@ -85,9 +87,11 @@ class ScreenProcess:
                         self._changed.wait(due_s - now_s)
                         continue
                     stop = self._stop
-                    self._urgent = False
+                    news = self._news or self._anew or self._unsent or self._terminal.size() != self._size
+                    self._urgent = self._news = False
                 drawn_s = time.monotonic()
-                self._draw()
+                if news or stop:
+                    self._draw()
                 if stop:
                     break
             self._leave()
@@ -107,6 +111,7 @@ class ScreenProcess:
                     self._states = tuple(
                         replace(state, cycles=self._cycles.get(index, ())) for index, state in enumerate(message.states)
                     )
+                    self._news = True
                     self._urgent = self._urgent or message.urgent
                     self._bell = self._bell or message.bell
                 elif isinstance(message, Stop):
@@ -124,7 +129,7 @@ class ScreenProcess:
                     continue
                 with self._changed:
                     actions = self._keys.press(typed, self._shown)
-                    self._urgent = True
+                    self._urgent = self._news = True
                     self._changed.notify()
                 for action in actions:
                     self._actions.write(encode_action(action))
@@ -213,6 +218,9 @@ def main() -> None:
         number = getattr(signal, name, None)
         if number is not None:
             signal.signal(number, signal.SIG_IGN)  # only the capture decides when this ends
+    if sys.platform != "win32":
+        with contextlib.suppress(OSError):
+            os.nice(NICE)
     terminal = Terminal(descriptor)
     try:
         terminal.take()

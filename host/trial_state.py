@@ -9,6 +9,11 @@ from dataclasses import dataclass, field
 
 from host.loss_ledger import LossReport
 
+Quaternion = tuple[float, float, float, float]
+"""Scalar first."""
+REST_DPS = 1.5
+"""Turning rate below which the object is at rest."""
+
 
 @dataclass(frozen=True, slots=True)
 class CycleRow:
@@ -112,6 +117,11 @@ class MotionView:
     """How fast the object turns, mean over the last half second, deg/s; None before the first sample."""
     peak_rate_dps: float | None = None
     """Its fastest turn of the last second, over some 30 ms, deg/s; None before the first sample."""
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the object does not turn."""
+        return (self.turn_rate_dps or 0.0) < REST_DPS
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from host.dashboard.boxes import Lines, beside, block, fitted, framed
 from host.dashboard.cycle_table import cycle_table
 from host.dashboard.drift_path import path_plot, sphere_plot
 from host.dashboard.look import Look
+from host.dashboard.memory import once_a_cycle
 from host.dashboard.notices import bottom_line, guide_lines, help_lines, notice_lines
 from host.dashboard.object_rows import object_rows
 from host.dashboard.score_panel import score_panel
@@ -47,7 +48,7 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
     focus = min(view.focus, len(states) - 1)
     state = states[focus]
     wide = width >= WIDE and height >= TALL
-    top = score_panel(state, look, width, small_path=not wide)
+    top = score_panel(state, look, width, with_path=not wide)
     top += object_rows(states, focus, look, max(2, height // 6))
     top += guide_lines(state, look, width)
     notices = notice_lines(state, look, width)
@@ -68,6 +69,7 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
     return block([fitted(line, width, look) for line in lines[: height - 1]] + lines[-1:], width, height, look)
 
 
+@once_a_cycle
 def _wide_middle(state: TrialState, look: Look, width: int, height: int) -> Lines:
     right = min(MAX_PLOT, max(MIN_PLOT, width * 9 // 20 - 15))
     table = cycle_table(state, look, width - right - 1, height)

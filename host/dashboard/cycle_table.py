@@ -8,10 +8,9 @@ from rich.text import Text
 
 from host.dashboard.boxes import Lines, block
 from host.dashboard.look import Look, Part
+from host.dashboard.memory import once_a_cycle
 from host.trial_state import CycleRow, TrialState
 
-STILL_DPS = 1.5
-"""Turning rate below which the object is at rest."""
 MIN_BAR, MAX_BAR = 6, 40
 _FIXED = 35
 """Cells of the columns that always have the same width, with the spaces between them."""
@@ -39,6 +38,7 @@ class _Columns:
         return cls(min(MAX_BAR, max(MIN_BAR, MIN_BAR + spare - axis - _THETA * theta)), theta, axis)
 
 
+@once_a_cycle
 def cycle_table(state: TrialState, look: Look, width: int, height: int) -> Lines:
     """Draw the newest cycles that fit.
 
@@ -97,6 +97,6 @@ def _angle(angle_deg: float | None, look: Look) -> str:
 def _waiting(state: TrialState) -> str:
     if state.sensor.orientation_wxyz is None:
         return "no data yet"
-    if (state.motion.turn_rate_dps or 0.0) < STILL_DPS:
+    if state.motion.at_rest:
         return "at rest: start the hand, and every cycle gets a line here"
     return "it turns: the first end point is known after about one and a half cycles"

@@ -10,9 +10,9 @@ from rich.text import Text
 from host.dashboard.boxes import Lines, beside, block
 from host.dashboard.canvas import Canvas
 from host.dashboard.look import Look
-from host.trial_state import TrialState
+from host.dashboard.memory import once_a_cycle
+from host.trial_state import Quaternion, TrialState
 
-Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
 
 # The sphere is looked at from (1, 1, 1): every axis of the first end point points towards the eye.
@@ -29,6 +29,19 @@ def cumulative_deg(state: TrialState) -> list[tuple[int, float]]:
     return [
         (row.number, _angle_deg(row.quat_wxyz, state.origin_wxyz)) for row in state.cycles if row.quat_wxyz is not None
     ]
+
+
+def net_deg(state: TrialState) -> float | None:
+    """Rotation from the first end point to the last, deg; None before the second."""
+    if state.origin_wxyz is None or len(state.cycles) < 2 or state.cycles[-1].quat_wxyz is None:
+        return None
+    return _angle_deg(state.cycles[-1].quat_wxyz, state.origin_wxyz)
+
+
+@once_a_cycle
+def small_path(state: TrialState, look: Look, width: int, height: int) -> Lines:
+    """Plot the drift path without labels, for where there is little room."""
+    return path_plot(state, look, width, height, labels=False)
 
 
 def path_plot(state: TrialState, look: Look, width: int, height: int, labels: bool = True) -> Lines:

@@ -9,7 +9,7 @@ from rich.text import Text
 from analysis.uncertainty import MIN_STEPS
 from host.big_digits import big_text
 from host.dashboard.boxes import Lines, beside, block, framed
-from host.dashboard.drift_path import cumulative_deg, path_plot
+from host.dashboard.drift_path import net_deg, small_path
 from host.dashboard.look import Look, Part
 from host.trial_state import TrialState
 
@@ -20,7 +20,7 @@ MIN_PATH, MAX_PATH = 7, 28
 """Width of the small drift path, cells."""
 
 
-def score_panel(state: TrialState, look: Look, width: int, small_path: bool) -> Lines:
+def score_panel(state: TrialState, look: Look, width: int, with_path: bool) -> Lines:
     """Draw the score.
 
     Parameters
@@ -31,7 +31,7 @@ def score_panel(state: TrialState, look: Look, width: int, small_path: bool) -> 
         Colours and characters.
     width : int
         Of the frame; the height is :data:`HEIGHT`.
-    small_path : bool
+    with_path : bool
         Whether to draw the drift path at the right, where there is room.
     """
     number = "-.--" if state.theta_bar_deg is None else f"{state.theta_bar_deg:.2f}"
@@ -42,18 +42,17 @@ def score_panel(state: TrialState, look: Look, width: int, small_path: bool) -> 
     room = inner - digits_width
     path_width = min(MAX_PATH, room - (ASCII_TEXT_WIDTH if look.ascii_only else TEXT_WIDTH) - 1)
     refused = state.finished and state.theta_bar_deg is None  # then the reason needs the room
-    path = cumulative_deg(state) if small_path and path_width >= MIN_PATH and not refused else []
+    net = net_deg(state) if with_path and path_width >= MIN_PATH and not refused else None
     parts = [block(digits, digits_width, 3, look)]
-    net = ""
-    if len(path) > 1:
+    if net is not None:
         room -= path_width + 1
-        parts += [block(_words(state, look, room), room + 1, 3, look)]
-        parts += [path_plot(state, look, path_width, 3, labels=False)]
-        net = f"since the start {path[-1][1]:.1f}°"
+        parts += [block(_words(state, look, room), room + 1, 3, look), small_path(state, look, path_width, 3)]
     else:
         parts.append(block(_words(state, look, room), room, 3, look))
     name = " · ".join(part for part in (state.title, state.sensor.name or "sensorized object") if part)
-    return framed(beside(*parts), name, width, HEIGHT, look, "accent", net)
+    return framed(
+        beside(*parts), name, width, HEIGHT, look, "accent", "" if net is None else f"since the start {net:.1f}°"
+    )
 
 
 def _words(state: TrialState, look: Look, width: int) -> Lines:
