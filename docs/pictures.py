@@ -53,9 +53,15 @@ def dashboard_picture(path: Path) -> None:
     console.print(render(screen.state))
     path.parent.mkdir(exist_ok=True)
     without_web_fonts = re.sub(r"@font-face \{\{.*?\}\}", "", CONSOLE_SVG_FORMAT, flags=re.DOTALL)
-    console.save_svg(
-        str(path), title="rotdrift capture", theme=MONOKAI, code_format=without_web_fonts, unique_id="dashboard"
+    picture = console.export_svg(
+        title="rotdrift capture", theme=MONOKAI, code_format=without_web_fonts, unique_id="dashboard"
     )
+    path.write_text(with_drawn_bars(picture), encoding="utf-8")
+
+
+def with_drawn_bars(picture: str) -> str:
+    """Draw the bar of θ̄ in place of the combining character, which many monospace fonts put beside the letter."""
+    return picture.replace("θ̄", '<tspan text-decoration="overline">θ</tspan>')
 
 
 if __name__ == "__main__":
