@@ -66,7 +66,8 @@ def measure(quick: bool = False) -> Topic:
     return topic
 
 
-def _pty() -> tuple[int, int, str]:
+def open_pty() -> tuple[int, int, str]:
+    """Open a raw pty: its two ends and its name."""
     master, slave = os.openpty()
     tty.setraw(slave)
     return master, slave, os.ttyname(slave)
@@ -74,7 +75,7 @@ def _pty() -> tuple[int, int, str]:
 
 def _run_reader(program: Path, command: list[str], n: int) -> list[float]:
     """Samples, latency p50 and p99 in us, CPU s of one reader."""
-    master, slave, path = _pty()
+    master, slave, path = open_pty()
     reader = subprocess.Popen([*command, path, str(n)], stdout=subprocess.PIPE, text=True)
     try:
         assert reader.stdout is not None
@@ -123,7 +124,7 @@ def _capture(topic: Topic, program: Path) -> None:
 
 
 def _captured_cpu(program: Path, duration_s: int) -> float:
-    master, slave, path = _pty()
+    master, slave, path = open_pty()
     screen_master, screen_slave = os.openpty()
     fcntl.ioctl(screen_slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
     with tempfile.TemporaryDirectory() as folder:
@@ -194,7 +195,7 @@ def _highest_rate(topic: Topic, quick: bool) -> None:
             def run(chunks: list[Chunk] = chunks, ends: list[tuple[Trial, RecordingWriter]] = both) -> None:
                 for chunk in chunks:
                     for trial, writer in ends:
-                        _take(trial, writer, chunk)
+                        take_chunk(trial, writer, chunk)
 
             used = cpu_s(run)
             for writer in writers:
@@ -207,7 +208,7 @@ def _highest_rate(topic: Topic, quick: bool) -> None:
     topic.rows.append(figure("the same, per sample", written, "µs CPU"))
 
 
-def _take(trial: Trial, writer: RecordingWriter, chunk: Chunk) -> None:
+def take_chunk(trial: Trial, writer: RecordingWriter, chunk: Chunk) -> None:
     """What a capture does with a chunk."""
     writer.add_received(chunk)
     for batch in trial.feed(chunk).decoded:
