@@ -12,13 +12,17 @@ from host.cli import build_parser
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^[ ]*```(?:sh|console|bash|text)?\n(.*?)^[ ]*```", re.MULTILINE | re.DOTALL)
+INDENTED = re.compile(r"^ {4,}(rotdrift .*)$", re.MULTILINE)
 INLINE = re.compile(r"`(rotdrift [a-z][^`]*)`")
 
 
 def commands(page):
     text = page.read_text(encoding="utf-8")
     lines = [line.strip().removeprefix("$ ") for block in BLOCK.findall(text) for line in block.splitlines()]
-    found = [line for line in lines if line.startswith("rotdrift ")]
+    lines += [line.strip() for line in INDENTED.findall(text.replace(" \\\n", " "))]
+    found = list(
+        dict.fromkeys(" ".join(line.split("   #")[0].split()) for line in lines if line.startswith("rotdrift "))
+    )
     return found + [" ".join(line.split()) for line in INLINE.findall(text)]
 
 
