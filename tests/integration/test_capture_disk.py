@@ -6,7 +6,6 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -101,28 +100,42 @@ def test_a_recording_removed_under_a_capture_is_written_again(tmp_path):
 
 @pytest.mark.parametrize("kill_after_bytes", [1_000, 60_000])
 def test_a_capture_killed_at_any_moment_keeps_all_but_a_tenth_of_a_second(tmp_path, kill_after_bytes):
-    recording, log = tmp_path / "trial.mcap", tmp_path / "link.txt"
+    lost_s = []
+    # A machine with other work may not run the capture for a tenth of a second: one of three is enough to show it.
+    while not lost_s or (min(lost_s) > 0.1 and len(lost_s) < 3):
+        folder = tmp_path / str(len(lost_s))
+        folder.mkdir()
+        lost_s.append(killed(folder, kill_after_bytes))
+    assert min(lost_s) <= 0.1, lost_s
+
+
+def killed(folder, kill_after_bytes):
+    """Kill a capture and check what is left; return over how long received data are not in the recording, s."""
+    recording, log = folder / "trial.mcap", folder / "link.txt"
     with (
-        VirtualObjectProcess(quick_scenario(tmp_path)) as virtual,
+        VirtualObjectProcess(quick_scenario(folder)) as virtual,
         started("capture", virtual.link, "--out", recording, "--debug-link", log) as capture,
     ):
         # Between flushes, not just after one: the log of the link grows with every read.
         wait_for(lambda: log.exists() and log.stat().st_size > kill_after_bytes, what="data")
-        killed_ns = time.monotonic_ns()
         os.kill(capture.pid, signal.SIGKILL)
         capture.wait(10)
     chunks = list(RecordingReader(recording).chunks())
-    # The log of the link says what was received; what the recording has is the beginning of that, without a hole.
+    # The log of the link says what was received, and when.
     lines = [line.split() for line in log.read_text().splitlines()[:-1] if not line.startswith("#")]
-    received = [bytes.fromhex("".join(line[3:])) for line in lines if line[1] == "<"]
+    reads = [(float(line[0]), bytes.fromhex("".join(line[3:]))) for line in lines if line[1] == "<"]
+    received = b"".join(data for _, data in reads)
     recorded = b"".join(chunk.data for chunk in chunks)
-    assert b"".join(received).startswith(recorded[: len(b"".join(received))])
+    assert received.startswith(recorded[: len(received)])
     if kill_after_bytes > 10_000:
-        # Written every 50 ms (on a clock that is given: tests of the recording). Here a loaded machine may have let the
-        # process wait for longer.
-        assert chunks[-1].host_time_ns > killed_ns - 3_000_000_000
         assert load_trial(recording).losses.missing == 0
-    replayed = rotdrift("recover", recording, tmp_path / "clean.mcap", "--json")
+    replayed = rotdrift("recover", recording, folder / "clean.mcap", "--json")
     assert replayed.returncode == 0
     found = json.loads(replayed.stdout)
     assert (found["chunks"], found["missing_chunks"]) == (len(chunks), 0)
+    after = len(recorded)
+    for at_s, data in reads:
+        after -= len(data)
+        if after < 0:  # the first read that the recording has not
+            return reads[-1][0] - at_s
+    return 0.0

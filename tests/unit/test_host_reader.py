@@ -79,4 +79,4 @@ def test_it_stops_soon_even_while_nobody_takes(waiting):
     reader.start()
     started = time.monotonic()
     assert reader.stop()
-    assert time.monotonic() - started < 0.5
+    assert time.monotonic() - started < 2.0  # it waits 0.05 s; the rest is for a busy machine

@@ -430,7 +430,7 @@ def test_a_disk_that_hangs_does_not_hold_up_the_end(tmp_path, monkeypatch):
     sink.sync_if_due(10**9)
     started = time.monotonic()
     sink.close()
-    assert time.monotonic() - started < 1.0
+    assert time.monotonic() - started < 5.0  # not the ten seconds that the disk takes
     let_go.set()
 
 

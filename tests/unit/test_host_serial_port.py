@@ -212,7 +212,7 @@ def test_a_reading_thread_leaves_no_thread_and_no_descriptor_behind(pty):
         data += b"".join(chunk.data for chunk in reader.take(1.0))
     started = time.monotonic()
     assert reader.stop()
-    assert time.monotonic() - started < 0.5
+    assert time.monotonic() - started < 2.0  # it waits 0.05 s; the rest is for a busy machine
     assert data == b"abc"
     assert reader.error is None
     assert not [thread for thread in threading.enumerate() if thread.name == "rotdrift-reader"]
