@@ -80,6 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code.
     """
     _make_output_safe()
+    at_terminal = _at_terminal()
     try:
         parser = build_parser()
         args, unknown = parser.parse_known_args(arguments)
@@ -100,6 +101,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:  # noqa: BLE001 - the last line of defence
+        if isinstance(error, OSError) and at_terminal and not _at_terminal():
+            for stream in (sys.stdout, sys.stderr):  # nobody reads what is left; a capture's result is in its file
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+            return 0
         message = f"a fault of rotdrift itself ({type(error).__name__}: {error}): run again with --debug and report it"
         return _say(error, message, OWN_FAULT, args.debug)
     return code
@@ -107,6 +112,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _command(name: str) -> CommandModule:
     return cast(CommandModule, importlib.import_module(f"host.commands.{name}"))
+
+
+def _at_terminal() -> bool:
+    """Whether the output goes to a terminal that is there: not to one closed meanwhile (window, ssh connection)."""
+    try:
+        return os.isatty(sys.stdout.fileno())
+    except (OSError, ValueError):
+        return False
 
 
 def _say(error: BaseException, message: str, code: int, debug: bool) -> int:

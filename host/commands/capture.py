@@ -115,7 +115,7 @@ def _print_difference(finished: FinishedCapture) -> None:
     from host.capture_run import difference_sentence
 
     live_deg = finished.outcome.last_state.theta_bar_deg
-    sys.stdout.write(f"live       {difference_sentence(live_deg, finished.score)}\n")
+    sys.stdout.write(f"live       {difference_sentence(live_deg, finished.score).removeprefix('live ')}\n")
 
 
 def _run_several(

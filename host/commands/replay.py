@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         print_score(score)
         if live is not None:
-            sys.stdout.write(f"live       {difference_sentence(live.theta_bar_deg, score)}\n")
+            sys.stdout.write(f"live       {difference_sentence(live.theta_bar_deg, score).removeprefix('live ')}\n")
     return 0 if score.valid else 1
 
 

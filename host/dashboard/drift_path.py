@@ -21,6 +21,9 @@ _UP: Vector = (-1 / math.sqrt(6), -1 / math.sqrt(6), 2 / math.sqrt(6))
 _EYE: Vector = (1 / math.sqrt(3), 1 / math.sqrt(3), 1 / math.sqrt(3))
 _AXES: tuple[tuple[str, Vector], ...] = (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)), ("z", (0.0, 0.0, 1.0)))
 
+LEGEND_FROM = 9
+"""Height of the sphere's picture from which on a line says what it shows."""
+
 
 def cumulative_deg(state: TrialState) -> list[tuple[int, float]]:
     """Rotation from the first end point to each one kept, deg, with the number of its cycle."""
@@ -88,7 +91,8 @@ def sphere_plot(state: TrialState, look: Look, width: int, height: int) -> Lines
     The axes of the first end point are x, y and z of the picture, each towards the eye; a letter stands where the axis
     is now, dots where it was.
     """
-    cells_high = max(2, height)
+    legend = height >= LEGEND_FROM
+    cells_high = max(2, height - legend)
     canvas = Canvas(min(width, cells_high * 2 + 1), cells_high, look)
     aspect = 2.0 if look.ascii_only else 1.0  # an ASCII dot is a cell, twice as high as wide
     radius = min((canvas.width - 1) / (2.0 * aspect), (canvas.height - 1) / 2.0)
@@ -114,7 +118,10 @@ def sphere_plot(state: TrialState, look: Look, width: int, height: int) -> Lines
         for name, tip in tips:
             canvas.letter(*tip, name, name)
     pad = max(0, (width - canvas.cells_wide) // 2)
-    return block([Text(" " * pad, end="").append_text(line) for line in canvas.lines()], width, height, look)
+    lines = [Text(" " * pad, end="").append_text(line) for line in canvas.lines()]
+    if legend:
+        lines.append(look.text("letters: now · dots: before", "quiet"))
+    return block(lines, width, height, look)
 
 
 def _dot(a: Vector, b: Vector) -> float:

@@ -96,3 +96,19 @@ def test_junk_odd_sizes_and_early_keys_change_nothing(tmp_path):
     assert kinds == [("note", "a note"), ("finish", "")]
     losses = json.loads(recording.with_suffix(".json").read_text())["losses"]
     assert losses["missing"] == 0
+
+
+def test_a_closed_window_ends_the_capture_in_order(tmp_path, virtual):
+    """A lost ssh connection, a closed window: the recording is closed, the result written, nothing complains."""
+    recording = tmp_path / "trial.mcap"
+    terminal = Terminal(["capture", virtual.link, "--out", recording], tmp_path)
+    terminal.wait_for("4 cycles")
+    terminal.process.ptyproc.fileobj.close()  # hangs up, as the system does when the window goes
+    deadline = time.monotonic() + 20
+    while terminal.process.ptyproc.isalive() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert terminal.process.ptyproc.exitstatus == 0
+    result = json.loads(recording.with_suffix(".json").read_text())
+    assert result["capture"]["ended"] == "stopped by the operator"
+    assert result["theta_bar_deg"] == pytest.approx(0.4, abs=0.01)
+    assert result["losses"]["missing"] == 0
