@@ -42,8 +42,6 @@ class ScoreOptions:
     """File of the sensor's static baseline."""
     as_published: bool = False
     """Also the benchmark authors' Euler figure."""
-    preceding: tuple[FloatArray, ...] = ()
-    """End points (m, 4) of the motions that the authors' script worked through before, for their figure."""
     honour_actions: bool = True
     """Whether the operator's trial window and left-out cycles count; end points or a window chosen here go before."""
     preceding: tuple[FloatArray, ...] = ()
@@ -135,7 +133,6 @@ def score_plain(
         baseline=baseline,
         losses=losses,
         as_published=options.as_published,
-        preceding=options.preceding,
         preceding=options.preceding,
         excluded=excluded,
     )
