@@ -37,7 +37,7 @@ from host.transports.can_bus_drivers import CanSettings, can_settings, open_bus
 from host.transports.can_health import BusHealth
 from host.transports.chunks import ClosingTransport, FrameChunk
 from host.transports.serial_port import existing_ports
-from host.transports.socketcan_queue import dropped_frames
+from host.transports.socketcan_kernel import dropped_frames
 
 MAX_FRAMES = 1024
 """No read returns more."""

@@ -10,7 +10,7 @@ import socket
 import sys
 import time
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import can
@@ -22,7 +22,7 @@ from host.link_uri import LinkUri
 from host.plain_text import plain
 from host.transports.serial_errors import translate_open_error
 from host.transports.slcan_bus import ChunkedSlcanBus
-from host.transports.socketcan_queue import lengthen_queue
+from host.transports.socketcan_kernel import is_down, lengthen_queue
 from host.transports.socketcand_bus import WatchedSocketcandBus
 
 # Without a handler of their own, python-can's warnings would go to the terminal, into the middle of a display.
@@ -39,15 +39,18 @@ DRIVER_FILTERS = frozenset({"socketcan", "etas", "ixxat", "kvaser", "systec", "v
 """Interfaces whose filters work in the driver, on data frames only."""
 SLCAN_ANSWER_S = 3.0
 """How long an SLCAN adapter may take to say anything: boards that reset when their port is opened need 2 s."""
-OPEN_ERRORS: tuple[type[Exception], ...] = (
-    can.CanError,
-    OSError,
-    ValueError,
-    TypeError,
-    ImportError,
-    NotImplementedError,
-    AttributeError,
-)
+DRIVER_MENDS = {
+    "gs_usb": 'pip install "python-can[gs-usb]", or on Linux can:socketcan:can0',
+    "pcan": "install PCAN-Basic of PEAK-System, or on Linux can:socketcan:can0",
+    "kvaser": "install CANlib of Kvaser, or on Linux can:socketcan:can0",
+    "vector": "install the XL driver library of Vector (Windows)",
+    "ixxat": "install the VCI driver of HMS (Windows), or on Linux can:socketcan:can0",
+    "canalystii": 'pip install "python-can[canalystii]"',
+    "cantact": 'pip install "python-can[cantact]"',
+    "neovi": 'pip install "python-can[neovi]"',
+    "udp_multicast": 'pip install "rotdrift[multicast]"',
+}
+"""What an interface wants that python-can does not bring."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +99,7 @@ def can_settings(uri: LinkUri) -> CanSettings:
         if found is None:
             raise UsageError(f"the link {uri} names no socketcand bus", "write it like can:socketcand:host:29536/can0")
         host, port, channel = found[1].strip("[]"), int(found[2]), found[3]
+    uri = replace(uri, options={name: _in_full(name, text) for name, text in uri.options.items()})
     fd = bool(uri.integer("fd", 0, 0, 1))
     if fd and interface in CLASSIC_ONLY:
         raise UsageError(f"{interface} carries no CAN FD frames", "leave fd=1 out, or use another interface")
@@ -111,6 +115,12 @@ def can_settings(uri: LinkUri) -> CanSettings:
         bool(uri.integer("listen_only", 0, 0, 1)),
         uri.integer("baud", 115_200, 300, 12_000_000),
     )
+
+
+def _in_full(name: str, text: str) -> str:
+    """Return a bit rate written like ``500k`` or ``1M`` as a number of bit/s; anything else as it is."""
+    found = re.fullmatch(r"(\d{1,4})([kKM])", text) if name in ("bitrate", "data_bitrate") else None
+    return text if found is None else str(int(found[1]) * (1_000_000 if found[2] == "M" else 1000))
 
 
 def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries: int = 20) -> can.BusABC:
@@ -132,12 +142,18 @@ def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries:
                 bus = WatchedSocketcandBus(channel=settings.channel, **options)
             else:
                 bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
-    except OPEN_ERRORS as error:
+    except Exception as error:  # without its library a driver raises anything, NameError among it
         if settings.interface == "socketcand" and isinstance(error, can.CanError) and tries > 1:
             time.sleep(0.05)  # a server for one client may not have noticed yet that the last one has gone
             return open_bus(settings, name, existing_ports, tries - 1)
         raise _open_error(error, settings, name, existing_ports) from error
     if settings.interface == "socketcan":
+        if is_down(settings.channel):
+            bus.shutdown()
+            raise LinkError(
+                f"the CAN interface {settings.channel} is down",
+                f"`sudo ip link set {settings.channel} up type can bitrate {settings.bitrate}`",
+            )
         lengthen_queue(bus)
     if settings.interface == "udp_multicast":
         _hear_own_group_only(bus)
@@ -234,20 +250,28 @@ def _open_error(error: Exception, settings: CanSettings, name: str, existing: li
                 f"SLCAN adapters cannot do this ({text})", "give ?bitrate=500000 (FD: data_bitrate=2000000)"
             )
         return translate_open_error(cause, settings.channel, existing)
-    if isinstance(cause, ImportError) or isinstance(error, can.CanInterfaceNotImplementedError):
-        return LinkError(f"the driver for {settings.interface} is not installed ({text})", "see docs/can.md")
+    missing = (ImportError, NameError, AttributeError, can.CanInterfaceNotImplementedError)
+    if isinstance(cause, missing) or isinstance(error, missing) or "library not found" in text:
+        return LinkError(
+            f"the driver for {settings.interface} is not installed ({text})",
+            DRIVER_MENDS.get(settings.interface, "see what python-can's documentation says of this interface"),
+        )
     if settings.interface == "socketcand":
         return PortNotFoundError(
             f"no socketcand answers at {settings.host}:{settings.port} for bus {settings.channel} ({text})",
             "start socketcand there, or correct host, port and bus",
         )
+    if number in {errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT} and settings.interface == "socketcan":
+        return LinkError("this kernel has no CAN", "`sudo modprobe can-raw`; within a container, on its host")
     if number in {errno.ENODEV, errno.ENXIO, errno.ENOENT} or "No such device" in text:
         return PortNotFoundError(
             f"there is no CAN interface {settings.channel}",
-            f"`ip link set {settings.channel} up type can bitrate {settings.bitrate}`, or see `rotdrift ports`",
+            f"`sudo ip link set {settings.channel} up type can bitrate {settings.bitrate}`, or see `rotdrift ports`",
         )
     if number in {errno.EPERM, errno.EACCES}:
         return PortPermissionError(f"you may not open {name}", "see the udev notes in docs/can.md")
     if number == errno.EBUSY:
         return PortBusyError(f"{name} is in use by another program", "end that first")
+    if settings.interface == "udp_multicast":
+        return LinkError(f"{name} does not open ({text})", "give a multicast group: can:udp_multicast:239.74.163.2")
     return LinkError(f"{name} does not open ({text})", "check the adapter and its driver; see docs/can.md")

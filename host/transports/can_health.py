@@ -78,7 +78,8 @@ class BusHealth:
         """Return what a person should know, a sentence each; no numbers, so that each is said once."""
         found = []
         if self.is_down:
-            found.append(f"{name} is down: bring it up with `ip link set … up`")
+            channel = name.partition("?")[0].rpartition(":")[2]
+            found.append(f"{name} is down: bring it up with `sudo ip link set {channel} up`")
         if self.state == "bus-off":
             found.append(f"{name} is bus-off: check bit rate, wiring and termination, then restart the interface")
         elif self.state == "passive":

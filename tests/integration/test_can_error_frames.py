@@ -148,7 +148,7 @@ def test_errors_of_an_interface_that_does_not_explain_them_are_told(request: pyt
 def test_the_queue_of_a_socketcan_link_is_long_and_says_what_it_dropped() -> None:
     import types
 
-    from host.transports.socketcan_queue import dropped_frames, lengthen_queue
+    from host.transports.socketcan_kernel import dropped_frames, lengthen_queue
 
     kernel = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     ours = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

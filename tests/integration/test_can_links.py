@@ -12,9 +12,11 @@ import pytest
 from firmware_protocol.can_frames import CanFrame, unpack_frames
 from firmware_protocol.packets import Info, Status, TimeReply
 from host.errors import LinkError, LinkLostError, NoAnswerError, PortNotFoundError, UsageError
+from host.link_uri import parse_link_uri
 from host.recorded_trial import assemble
 from host.session import Phase
 from host.transports import open_transport
+from host.transports.can_bus_drivers import can_settings
 from tests.can_link_run import CAN_LINKS, LINKS, Got, finish, object_on, over, receive
 from tests.can_traffic import info_packet, is_sample, joined, sample_packets
 
@@ -232,13 +234,24 @@ def test_the_raw_chunks_decode_to_the_same_again(request: pytest.FixtureRequest)
         ("can:socketcand:127.0.0.1", UsageError, "no socketcand bus"),
         ("can:socketcand:127.0.0.1:29536/can0?fd=1", UsageError, "no CAN FD"),
         ("can:slcan:/dev/null?bitrate=123456", (UsageError, LinkError), "/dev/null|bitrate"),
-        ("can:pcan:PCAN_USBBUS1", LinkError, "not installed|does not open"),
+        ("can:pcan:PCAN_USBBUS1", LinkError, "not installed.*PCAN-Basic|does not open"),
+        ("can:kvaser:0", LinkError, "not installed.*CANlib|does not open"),
+        ("can:vector:0", LinkError, "not installed.*XL driver|does not open"),
+        ("can:canalystii:0", LinkError, "not installed.*pip install|does not open"),
+        ("can:socketcan:no-such-can", LinkError, "there is no CAN interface no-such-can|kernel has no CAN"),
+        ("can:virtual:x?bitrate=500kbit", UsageError, "500kbit"),
+        ("can:virtual:x?bitrate=2M", UsageError, "2000000"),
     ],
 )
 def test_wrong_links_are_one_sentence(uri: str, kind: type[Exception], words: str) -> None:
     with pytest.raises(kind, match=words) as failure:
         open_transport(uri)
     assert "\n" not in str(failure.value)
+
+
+def test_bit_rates_may_be_written_short() -> None:
+    settings = can_settings(parse_link_uri("can:slcan:COM5?bitrate=250k&data_bitrate=5M&fd=1&node=31"))
+    assert (settings.bitrate, settings.data_bitrate, settings.fd, settings.node) == (250_000, 5_000_000, True, 31)
 
 
 @pytest.mark.parametrize("name", ["slcan-pty", "slcan-socket"])

@@ -21,11 +21,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from analysis.scoring import score_series
 from firmware_protocol.can_frames import FrameFlag
 from firmware_protocol.quantization import SMALLEST_THREE_MAX_ERROR_DEG
 from firmware_protocol.serial_framing import encode_frame
+from host.errors import LinkError
 from host.recorded_trial import assemble
 from host.recording_reader import RecordingReader
 from host.transports.can_log import read_can_log
@@ -112,11 +114,13 @@ def the_same_trial_by_capture_candump_and_canplayer() -> None:
     reference = assemble([serial], "reference")
     log = Path(tempfile.mkdtemp()) / "trial.log"
     with log.open("w") as file:
-        dump = subprocess.Popen(["candump", "-L", "-T", "3000", "vcan0"], stdout=file)  # ends after 3 s of silence
+        dump = subprocess.Popen(
+            ["candump", "-L", "-T", "3000", "-r", "8000000", "vcan0"], stdout=file
+        )  # ends after 3 s of silence
         wait_until(lambda: "vcan0" in Path("/proc/net/can/rcvlist_all").read_text())
         captured = over("can:socketcan:vcan0?node=6", packets)
         assert dump.wait(60) == 0
-    player = ("canplayer", "-t", "-g", "1", "-I", str(log), "vcan1=vcan0")  # no pauses but 1 ms
+    player = ("canplayer", "-t", "-g", "0", "-I", str(log), "vcan1=vcan0")  # without pauses
     played: list[FrameChunk] = []
     with open_transport("can:socketcan:vcan1?node=6") as transport, running(*player) as process:
         quiet = 0
@@ -146,7 +150,7 @@ def two_objects_on_one_bus_are_captured_at_once() -> None:
     bus, folder = "can:socketcan:vcan0", Path(tempfile.mkdtemp())
     out = folder / "capture.json"
     with object_on(f"{bus}?node=3", "fast"), object_on(f"{bus}?node=4", "fast"):
-        words = [f"{bus}?node=3", f"{bus}?node=4", "--duration", "6", "--out", str(folder / "both"), "--json"]
+        words = [f"{bus}?node=3", f"{bus}?node=4", "--cycles", "4", "--out", str(folder / "both"), "--json"]
         with out.open("w") as file:
             done = subprocess.run([*ROTDRIFT, "capture", *words], timeout=120, stdout=file, check=False)
         assert done.returncode == 0, out.read_text()
@@ -205,6 +209,15 @@ def filters_are_in_the_kernel() -> None:
         assert transport.health.filtered_frames == 0  # none reached us to be filtered here
 
 
+def interfaces_that_are_missing_or_down_are_told_at_once() -> None:
+    sh("ip", "link", "set", "vcan2", "down")
+    for channel, words in (("vcan9", "there is no CAN interface vcan9"), ("vcan2", "vcan2 is down")):
+        with pytest.raises(LinkError, match=words) as told:
+            open_transport(f"can:socketcan:{channel}?node=3")
+        assert f"ip link set {channel} up" in str(told.value)
+    sh("ip", "link", "set", "vcan2", "up")
+
+
 def ports_lists_the_interfaces() -> None:
     from host.transports.can_listing import list_can_ports
     from host.transports.object_probe import objects_on
@@ -228,6 +241,7 @@ CHECKS = (
     two_objects_on_one_bus_are_captured_at_once,
     error_frames_of_the_kernel_are_told,
     filters_are_in_the_kernel,
+    interfaces_that_are_missing_or_down_are_told_at_once,
     ports_lists_the_interfaces,
 )
 

@@ -1,7 +1,7 @@
-"""The kernel's queue of a SocketCAN socket: made longer, and asked how many frames it had to drop.
+"""What the Linux kernel knows of a SocketCAN link: whether the interface is up, and what its queue had to drop.
 
-By default it holds some 270 frames: a computer that is busy for a quarter of a second loses samples of an object at
-1000 Hz. Without privileges it can be made as long as ``net.core.rmem_max`` allows, twice the default on most systems.
+By default the queue holds some 270 frames: a computer that is busy for a quarter of a second loses samples of an object
+at 1000 Hz. Without privileges it can be made as long as ``net.core.rmem_max`` allows: twice the default, mostly.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
+from pathlib import Path
 from typing import Any
 
 QUEUE_BYTES = 8_000_000
@@ -16,6 +17,14 @@ QUEUE_BYTES = 8_000_000
 _SO_RCVBUFFORCE = 33  # include/uapi/asm-generic/socket.h; needs CAP_NET_ADMIN
 _SO_MEMINFO = 55
 _MEMINFO = struct.Struct("=9I")  # include/uapi/linux/sock_diag.h, SK_MEMINFO_*; the last is the count of drops
+
+
+def is_down(interface: str, sys_net: Path = Path("/sys/class/net")) -> bool:
+    """Whether an interface is known to be down."""
+    try:
+        return not int((sys_net / interface / "flags").read_text().strip(), 16) & 1
+    except (OSError, ValueError):
+        return False
 
 
 def lengthen_queue(bus: Any) -> None:  # noqa: ANN401 (its socket is no part of BusABC)
