@@ -77,12 +77,13 @@ def play(
     told_ns = now_ns = 0
 
     def picture() -> TrialState:
+        info = trial.assembler.info
+        link = LinkView(name=transport.name, expected_rate_hz=None if info is None else info.rate_hz)
         state = trial.state(now_ns, 0.0 if first_ns is None else (now_ns - first_ns) / 1e9, link)
         recording = RecordingView(transport.name.removeprefix("replay:"), trial.link.n_bytes)
-        state = replace(state, recording=recording, marks=desk.marks)
+        state = replace(state, recording=recording, marks=desk.marks, replayed=True)
         return replace(state, alarms=alarms.update(state))
 
-    link = LinkView(name=transport.name)
     while not stop.is_set():
         if any(action.kind == "finish" for action in screen.actions()):
             break

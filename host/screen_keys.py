@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from host.dashboard.notices import EDITING
 from host.dashboard.view import View
 from host.key_splitter import KeySplitter
 from host.plain_text import plain
@@ -90,11 +91,13 @@ class KeyReader:
         focus = min(self.view.focus, len(states) - 1)
         self.view = replace(self.view, message="", focus=focus)
         state = states[focus]
-        if state.finished:
+        if all(other.finished for other in states):
             return [self._action("close")]
-        if key == "x":
+        if state.replayed and key in EDITING:
+            self.view = replace(self.view, message="a recording is only shown")
+        elif key == "x":
             return self._exclude(state)
-        if key == "n":
+        elif key == "n":
             self._ask("note", "note", None)
         elif key == "m":
             self.view = replace(self.view, message="marker set")

@@ -227,6 +227,8 @@ class TrialState:
     """The trial window; None where the operator set none."""
     guide: GuideView | None = None
     """Step of a guided trial; None without a guide."""
+    replayed: bool = False
+    """Whether this is a recording: its operator has done what there was to do."""
 
     @property
     def n_cycles(self) -> int:

@@ -22,6 +22,8 @@ KEYS = (
     ("q", "finish", "end the capture in order and score it"),
 )
 """Key, its name in the bottom line, and what it does."""
+EDITING = "mnsx"
+"""Keys of whoever runs the trial: none of them is for a replay."""
 MAX_NOTICES = 4
 
 
@@ -75,20 +77,20 @@ def _alarm_lines(alarm: Alarm, look: Look, width: int) -> Lines:
     return [line, *(look.text(more) for more in rest[:1])]
 
 
-def bottom_line(view: View, n_objects: int, finished: bool, waits: bool = False) -> Text:
-    """Draw what is being typed, or the keys; ``waits``: the finished picture stays until a key is pressed."""
+def bottom_line(view: View, state: TrialState, n_objects: int) -> Text:
+    """Draw what is being typed, or the keys that mean something now."""
     look = view.look
     if view.prompt:
         return look.join((f"{view.prompt}: ", "strong"), view.typed, ("_", "accent"), ("  (Enter, Esc)", "quiet"))
-    if finished:
-        return look.join(("finished", "good"), ("  any key ends" if waits else "", "quiet"))
-    line = Text(no_wrap=True, end="")
+    if state.finished and n_objects == 1:
+        return look.join(("finished", "good"), ("" if state.guide is None else "  any key ends", "quiet"))
+    line = look.join(("finished  " if state.finished else "", "good"))
     if view.paused:
-        line.append_text(look.join(("PAUSED, the capture goes on ", "doubtful")))
+        line.append_text(look.join((f"PAUSED, the {'replay' if state.replayed else 'capture'} goes on ", "doubtful")))
     if view.message:
         line.append_text(look.join((f"{view.message} ", "accent")))
     for key, name, _ in KEYS:
-        if key != "f" or n_objects > 1:
+        if (key != "f" or n_objects > 1) and not (state.replayed and key in EDITING):
             line.append_text(look.join((f"{key}", "strong"), (f" {name}  ", "quiet")))
     return line
 

@@ -162,6 +162,7 @@ SNAPSHOTS = {
     "prompt-80x24": ((RUNNING,), View(prompt="leave out cycle 11, because", typed="it slip"), 80, 24, False),
     "help-80x24": ((RUNNING,), View(help_open=True, paused=True), 80, 24, False),
     "finished-80x24": ((FINISHED,), View(), 80, 24, False),
+    "replay-80x24": ((replace(RUNNING, title="rotdrift replay", replayed=True),), View(), 80, 24, False),
     "refused-80x24": ((REFUSED,), View(), 80, 24, False),
 }
 """Name -> states, view, width, height, with colour."""

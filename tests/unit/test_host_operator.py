@@ -95,6 +95,20 @@ def test_focus_pause_help_and_finish():
     assert press(["a"], (TrialState(finished=True),))[1] == [ScreenAction("close")]
 
 
+def test_a_replay_is_only_shown():
+    replayed = (replace(RUNNING[0], replayed=True),)
+    reader, actions = press("mnsx", replayed)
+    assert actions == []
+    assert (reader.view.prompt, reader.view.message) == ("", "a recording is only shown")
+    assert [action.kind for action in press("p?q", replayed)[1]] == ["pause", "help", "finish"]
+
+
+def test_while_one_of_several_goes_on_the_keys_work():
+    states = (replace(RUNNING[0], finished=True), RUNNING[0])
+    assert [action.kind for action in press("fq", states)[1]] == ["focus", "finish"]
+    assert [action.kind for action in press("q", (states[0], states[0]))[1]] == ["close"]
+
+
 def test_special_keys_and_pastes_are_no_keys():
     paste = "\x1b[200~quit, now\r\nor x\x1b[201~"
     junk = (
