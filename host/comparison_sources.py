@@ -66,7 +66,7 @@ def _load(path: Path) -> ComparedSource:
 def _from_submission(name: str, submission: Submission) -> ComparedSource:
     rules = {"card": submission.card, "score version": submission.score_version, **submission.conventions}
     trials = tuple(
-        TrialFigure(
+        _checked(
             plain(trial.hand),
             plain(trial.object),
             plain(trial.motion),
@@ -88,8 +88,20 @@ def _from_result(name: str, result: Any) -> ComparedSource:  # noqa: ANN401 - wh
     version = SCORE_VERSION if form == RESULT_FORMAT else f"result format {plain(form)}"
     view = ResultView.of(result)
     thing = (result.get("object") or {}).get("name") or "unknown object"
-    trial = TrialFigure(
+    trial = _checked(
         "unknown hand", plain(thing), f"unknown motion ({plain(name)})", view.theta_bar_deg, view.interval_deg
     )
     rules = {"card": CARD, "score version": version, **CONVENTIONS}
     return ComparedSource(plain(name), tuple(rules.items()), (trial,), "a bare result: it has no cards")
+
+
+def _checked(
+    hand: str, thing: str, motion: str, theta_bar_deg: float | None, interval: tuple[float, float] | None
+) -> TrialFigure:
+    """Refuse numbers that no score can have: they would spoil every table and figure."""
+    low, high = interval or (0.0, 180.0)
+    if theta_bar_deg is not None and not 0.0 <= theta_bar_deg <= 180.0:
+        raise ValueError(f"θ̄ = {theta_bar_deg:g}° is no rotation drift")
+    if not 0.0 <= low <= high <= 1000.0:
+        raise ValueError(f"{low:g} … {high:g}° is no interval of a rotation drift")
+    return TrialFigure(hand, thing, motion, theta_bar_deg, interval)

@@ -6,43 +6,35 @@
 
 from __future__ import annotations
 
-import hashlib
 import platform
 import re
-import tempfile
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
-from analysis.reporting.figure_set import draw_figures
+import msgspec
+
+from analysis.reporting import figure_style as look
+from analysis.reporting import overview
+from analysis.reporting.figure_set import NamedFigure, draw_figures
 from analysis.reporting.report import report_html
 from analysis.reporting.report_pdf import report_pdf
 from analysis.reporting.summary import TrialFigure, pool, summary_csv, summary_latex, summary_markdown
-from analysis.reporting.trial_report import TrialReport
-from analysis.writers.errors import WriterError
-from analysis.writers.parquet import parquet_bytes
-from analysis.writers.series_csv import csv_text, endpoints_csv_text
-from host.card_files import with_object
-from host.card_tables import card_tables, hand_name, motion_name, object_name
-from host.cards import card_values, missing_fields
-from host.result import result_text
-from host.scored_recording import score_recording
-from host.steps_csv import steps_csv_text
 from host.submission_format import (
     CARD,
     CONVENTIONS,
     SCORE_VERSION,
     SUBMISSION_FORMAT,
-    RawFile,
     Submission,
     SummaryRow,
     TrialEntry,
     submission_json,
 )
 from host.submission_source import TrialSource
+from host.submission_trial import BuiltTrial, build_trial
+from host.trial_labels import trial_labels
 from host.version import VERSION
 
 DEFAULT_TITLE = "Rotation Drift Benchmark submission"
@@ -59,17 +51,6 @@ and the program that made this submission: rotdrift {version} (see CITATION.cff 
 
 
 @dataclass(frozen=True, eq=False)
-class BuiltTrial:
-    """One trial, computed."""
-
-    source: TrialSource
-    report: TrialReport
-    entry: TrialEntry
-    files: dict[str, bytes]
-    """Its files by name within its folder, without figures."""
-
-
-@dataclass(frozen=True, eq=False)
 class BuiltSubmission:
     """A submission in memory."""
 
@@ -82,8 +63,13 @@ class BuiltSubmission:
 
 
 def made_with() -> dict[str, str]:
-    """Name the versions that decide the bytes of a submission."""
-    packages = {name: version(name) for name in ("matplotlib", "numpy", "scipy")}
+    """Name the versions that decide the bytes of a submission; without pyarrow it holds no parquet."""
+    packages = {}
+    for name in ("matplotlib", "numpy", "scipy", "pyarrow"):
+        try:
+            packages[name] = version(name)
+        except PackageNotFoundError:
+            continue
     return {"rotdrift": VERSION, "python": platform.python_version(), **packages}
 
 
@@ -93,6 +79,7 @@ def build_submission(
     title: str = DEFAULT_TITLE,
     versions: dict[str, str] | None = None,
     drawings: bool = True,
+    accept: Callable[[str, bytes], bytes] | None = None,
 ) -> BuiltSubmission:
     """Score every trial and make every file of the submission.
 
@@ -106,6 +93,9 @@ def build_submission(
         What to write as ``made_with``; by default :func:`made_with`.
     drawings : bool
         Whether to make figures and reports; without them only data and numbers are made.
+    accept : callable, optional
+        Takes name and content of a figure, and returns what the reports shall show in its place: verifying puts the
+        figures of the bundle there once they are found to show the same, so that reports can be compared byte by byte.
 
     Raises
     ------
@@ -113,7 +103,8 @@ def build_submission(
         A recording cannot be read or scored as chosen.
     """
     versions = versions if versions is not None else made_with()
-    trials = _with_ids([_build_trial(source) for source in sources])
+    parquet = "pyarrow" in versions and "pyarrow" in made_with()
+    trials = _named([build_trial(source, parquet=parquet) for source in sources])
     summary = pool([_figure(trial.entry) for trial in trials])
     submission = Submission(
         format=SUBMISSION_FORMAT,
@@ -151,133 +142,59 @@ def build_submission(
     for trial in trials:
         files.update({f"trials/{trial.entry.id}/{name}": content for name, content in trial.files.items()})
     if drawings:
-        files.update(_drawings(trials, title, versions))
-    return BuiltSubmission(files, submission, _notes(trials))
+        files.update(_drawings(trials, title, versions, accept or (lambda _, content: content)))
+    notes = _notes(trials)
+    if "pyarrow" not in versions:
+        notes += ("no samples as parquet: that needs pyarrow (pip install 'rotdrift[parquet]')",)
+    return BuiltSubmission(files, submission, notes)
 
 
-def _drawings(trials: Sequence[BuiltTrial], title: str, versions: dict[str, str]) -> dict[str, bytes]:
-    drawn = {trial.entry.id: draw_figures(trial.report) for trial in trials}
-    files = {
-        f"trials/{trial_id}/figures/{figure.name}.{kind}": content
-        for trial_id, figures in drawn.items()
-        for figure in figures
-        for kind, content in figure.files.items()
-    }
+def _drawings(
+    trials: Sequence[BuiltTrial], title: str, versions: dict[str, str], accept: Callable[[str, bytes], bytes]
+) -> dict[str, bytes]:
+    files: dict[str, bytes] = {}
+    shown: dict[str, tuple[NamedFigure, ...]] = {}
+    for trial in trials:
+        folder = f"trials/{trial.entry.id}/figures"
+        figures = []
+        for figure in draw_figures(trial.report):
+            own = {f"{folder}/{figure.name}.{kind}": content for kind, content in figure.files.items()}
+            files.update(own)
+            figures.append(replace(figure, files={Path(name).suffix[1:]: accept(name, own[name]) for name in own}))
+        shown[trial.entry.id] = tuple(figures)
     reports = [trial.report for trial in trials]
+    pooled = overview.pooled(reports)
+    own = {f"figures/summary.{kind}": overview.forest(pooled, kind) for kind in look.FORMATS}
+    files.update(own)
+    forest = {Path(name).suffix[1:]: accept(name, content) for name, content in own.items()}
     program = versions.get("rotdrift", "")
-    files["report.html"] = report_html(reports, title=title, version=program, drawn=drawn).encode()
-    files["report.pdf"] = report_pdf(reports, title=title, version=program, drawn=drawn)
+    files["report.html"] = report_html(reports, title=title, version=program, drawn=shown, forest=forest).encode()
+    files["report.pdf"] = report_pdf(reports, title=title, version=program, drawn=shown, forest=forest)
     return files
 
 
-def _build_trial(source: TrialSource) -> BuiltTrial:
-    with tempfile.TemporaryDirectory(prefix="rotdrift-") as folder:
-        path = Path(folder) / source.file_name
-        path.write_bytes(source.data)
-        baseline = None
-        if source.baseline is not None:
-            baseline = Path(folder) / "baseline.toml"
-            baseline.write_bytes(source.baseline)
-        scored = score_recording(path, source.choices.options(baseline), source.choices.reading)
-    cards, notes = with_object(source.cards, scored.info)
-    result = scored.result
-    digest = hashlib.sha256(source.data).hexdigest()
-    missing = missing_fields(cards)
-    recording = result.get("recording") or {}
-    report = TrialReport(
-        id="",
-        hand=hand_name(cards),
-        object=object_name(cards),
-        # Recordings of which nothing is known must not be pooled as repeats of each other.
-        motion=motion_name(cards) if cards.trial.motion else f"{motion_name(cards)} ({Path(source.file_name).stem})",
-        series=scored.series,
-        result=result,
-        cards=card_tables(cards),
-        comments=cards.trial.comments or "",
-        missing=missing,
-        notes=(*notes, *[str(note) for note in recording.get("notes") or []]),
-        provenance=_provenance(source, result, digest),
-        losses=result.get("losses"),
-    )
-    files = source.files()
-    files["result.json"] = result_text(scored.score).encode()
-    files["endpoints.csv"] = endpoints_csv_text(result).encode()
-    files["steps.csv"] = steps_csv_text(scored.score).encode()
-    files["samples.csv"] = csv_text(scored.series).encode()
-    try:
-        files["samples.parquet"] = parquet_bytes(scored.series)
-    except WriterError as error:
-        report = replace(report, notes=(*report.notes, f"samples as parquet left out: {error}"))
-    return BuiltTrial(source, report, _entry(report, card_values(cards), source, digest), files)
-
-
-def _entry(report: TrialReport, cards: dict[str, Any], source: TrialSource, digest: str) -> TrialEntry:
-    result, view = report.result, report.view
-    companions, sensor = view.companions, result.get("sensor") or {}
-    low, high = view.interval_deg or (None, None)
-    return TrialEntry(
-        id="",
-        hand=report.hand,
-        object=report.object,
-        motion=report.motion,
-        valid=view.valid,
-        theta_bar_deg=view.theta_bar_deg,
-        interval_low_deg=low,
-        interval_high_deg=high,
-        n_endpoints=view.n_endpoints,
-        period_s=view.period_s,
-        mean_step_deg=companions.get("mean_step_deg"),
-        drift_axis=result.get("axis"),
-        theta_bar_other_extreme_deg=(result.get("other_extreme") or {}).get("theta_bar_deg"),
-        translation_drift_mm=companions.get("translation_drift_mm"),
-        sensor_per_cycle_deg=sensor.get("per_cycle_deg"),
-        sensor_floor_deg=sensor.get("detectable_deg"),
-        reasons=list(result.get("reasons") or []),
-        warnings=list(result.get("warnings") or []),
-        convention=report.series.convention,
-        cards=cards,
-        missing=list(report.missing),
-        raw=RawFile(source.file_name, len(source.data), digest),
-    )
-
-
-def _provenance(source: TrialSource, result: dict[str, Any], digest: str) -> tuple[tuple[str, str], ...]:
-    rows = [
-        ("recording", f"{source.file_name}, {len(source.data)} bytes"),
-        ("SHA-256 of the recording", digest),
-        ("read as", str((result.get("recording") or {}).get("convention", ""))),
-        ("window", str((result.get("window") or {}).get("kind", ""))),
-        ("baseline", "given" if source.baseline is not None else "none given"),
-    ]
-    device = result.get("object") or {}
-    if device:
-        firmware = ".".join(str(part) for part in device.get("firmware_version") or ())
-        rows.append(("object", f"{device.get('name', '')} {device.get('device_id', '')}, firmware {firmware}"))
-        rows.append(("sensor and filter", f"{device.get('sensor', '')}, {device.get('filter', '')}"))
-    uri = (result.get("link") or {}).get("uri")
-    if uri:
-        rows.append(("link", str(uri)))
-    return tuple(rows)
-
-
-def _with_ids(trials: list[BuiltTrial]) -> list[BuiltTrial]:
+def _named(trials: list[BuiltTrial]) -> list[BuiltTrial]:
     """Name trials by hand, object and motion, repeats numbered in an order that does not depend on the input's."""
-    trials = sorted(trials, key=lambda trial: (_stem(trial), trial.source.file_name, trial.entry.raw.sha256))
+    labels = trial_labels([trial.cards for trial in trials], [Path(trial.source.file_name).stem for trial in trials])
+    trials = [
+        replace(
+            trial,
+            report=replace(trial.report, hand=hand, object=thing, motion=motion),
+            entry=msgspec.structs.replace(trial.entry, hand=hand, object=thing, motion=motion),
+        )
+        for trial, (hand, thing, motion) in zip(trials, labels, strict=True)
+    ]
+    trials.sort(key=lambda trial: (_stem(trial), trial.source.file_name, trial.entry.raw.sha256))
     counts: dict[str, int] = {}
     named = []
     for trial in trials:
         stem = _stem(trial)
         counts[stem] = counts.get(stem, 0) + 1
         name = f"{stem}--{counts[stem]:02d}"
-        entry = _replaced(trial.entry, name)
-        named.append(replace(trial, report=replace(trial.report, id=name), entry=entry))
+        entry = msgspec.structs.replace(trial.entry, id=name)
+        provenance = (("files of this trial", f"trials/{name}/ in the submission"), *trial.report.provenance)
+        named.append(replace(trial, report=replace(trial.report, id=name, provenance=provenance), entry=entry))
     return named
-
-
-def _replaced(entry: TrialEntry, name: str) -> TrialEntry:
-    import msgspec
-
-    return msgspec.structs.replace(entry, id=name)
 
 
 def _stem(trial: BuiltTrial) -> str:

@@ -6,9 +6,10 @@ verifying it is making it again.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import msgspec
 
@@ -69,21 +70,46 @@ class TrialSource:
     file_name: str
     """Bare name of the recording."""
     data: bytes
-    """The recording."""
+    """The recording; empty where it is a folder."""
     cards: Cards
     """As the card files say, before the object fills them."""
     choices: Choices = Choices()
     """What a person chose."""
     baseline: bytes | None = None
     """File of the static baseline."""
+    folder: tuple[tuple[str, bytes], ...] = ()
+    """A ROS 2 bag is a folder: name and content of each file in it, sorted; empty for a single file."""
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the recording."""
+        return sum(len(content) for _, content in self.folder) if self.folder else len(self.data)
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the recording; of a folder that of its list of checksums, as ``sha256sum *`` prints it."""
+        if not self.folder:
+            return hashlib.sha256(self.data).hexdigest()
+        lines = "".join(f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in self.folder)
+        return hashlib.sha256(lines.encode()).hexdigest()
+
+    def written_to(self, place: Path) -> Path:
+        """Write the recording into an empty folder, for readers that want a path."""
+        path = place / self.file_name
+        if self.folder:
+            path.mkdir()
+            for name, content in self.folder:
+                (path / name).write_bytes(content)
+        else:
+            path.write_bytes(self.data)
+        return path
 
     def files(self) -> dict[str, bytes]:
         """Name these sources as they stand in the trial's folder of a bundle."""
-        files = {
-            f"raw/{self.file_name}": self.data,
-            "cards.toml": dump_cards(self.cards).encode(),
-            "choices.json": msgspec.json.format(msgspec.json.encode(self.choices), indent=1) + b"\n",
-        }
+        raw = f"raw/{self.file_name}"
+        files = {f"{raw}/{name}": content for name, content in self.folder} if self.folder else {raw: self.data}
+        files["cards.toml"] = dump_cards(self.cards).encode()
+        files["choices.json"] = msgspec.json.format(msgspec.json.encode(self.choices), indent=1) + b"\n"
         if self.baseline is not None:
             files["baseline.toml"] = self.baseline
         return files
@@ -95,23 +121,40 @@ def load_source(recording: Path, cards: Cards, choices: Choices, baseline: Path 
     Raises
     ------
     UsageError
-        The recording is a folder, or larger than a bundle may hold.
+        The recording is larger than a bundle may hold, or a folder that is no ROS 2 bag.
     FileError
         A file cannot be read.
     """
-    if recording.is_dir():
-        raise UsageError(
-            f"{recording} is a folder; a submission holds single files",
-            "convert it first: rotdrift convert FOLDER trial.csv",
-        )
     try:
-        if recording.stat().st_size > MAX_RAW_BYTES:
-            raise UsageError(f"{recording} is larger than {MAX_RAW_BYTES // 2**20} MB", "cut it to the trial")
-        data = recording.read_bytes()
         rest = None if baseline is None else baseline.read_bytes()
+        name = safe_name(recording.name or recording.resolve().name)
+        if recording.is_dir():
+            return TrialSource(name, b"", cards, choices, rest, _bag(recording))
+        _refuse_large(recording, recording.stat().st_size)
+        data = recording.read_bytes()
     except OSError as error:
         raise unreadable(error.filename, error) from error
-    return TrialSource(safe_name(recording.name), data, cards, choices, rest)
+    return TrialSource(name, data, cards, choices, rest)
+
+
+def _bag(folder: Path) -> tuple[tuple[str, bytes], ...]:
+    """Read the files of a ROS 2 bag; names must be harmless, because ``metadata.yaml`` refers to them."""
+    places = sorted(place for place in folder.iterdir() if not place.name.startswith("."))
+    if not (folder / "metadata.yaml").is_file():
+        raise UsageError(f"{folder} is a folder without metadata.yaml, so no ROS 2 bag", "name the recordings in it")
+    for place in places:
+        if place.is_symlink() or not place.is_file() or safe_name(place.name) != place.name:
+            raise UsageError(
+                f"{plain(place)} does not belong in a ROS 2 bag",
+                "convert it first: rotdrift convert FOLDER trial.csv",
+            )
+    _refuse_large(folder, sum(place.stat().st_size for place in places))
+    return tuple((place.name, place.read_bytes()) for place in places)
+
+
+def _refuse_large(recording: Path, n_bytes: int) -> None:
+    if n_bytes > MAX_RAW_BYTES:
+        raise UsageError(f"{recording} is larger than {MAX_RAW_BYTES // 2**20} MB", "cut it to the trial")
 
 
 def sources_in(files: Mapping[str, bytes]) -> dict[str, TrialSource]:
@@ -126,17 +169,23 @@ def sources_in(files: Mapping[str, bytes]) -> dict[str, TrialSource]:
     found = {}
     for trial_id in ids:
         folder = f"trials/{trial_id}/"
-        raw = [name for name in files if name.startswith(f"{folder}raw/")]
-        if len(raw) != 1:
-            raise ValueError(f"trial {trial_id} has {len(raw)} recordings, not one")
+        raw = sorted(name for name in files if name.startswith(f"{folder}raw/"))
+        names = {name.removeprefix(f"{folder}raw/").partition("/")[0] for name in raw}
+        if len(names) != 1 or any(name.count("/") > 4 for name in raw):
+            raise ValueError(f"trial {trial_id} has {len(names)} recordings, not one")
         try:
             cards = parse_cards(files[f"{folder}cards.toml"].decode("utf-8"), f"{folder}cards.toml")
             choices = msgspec.json.decode(files[f"{folder}choices.json"], type=Choices)
             choices.options(None)
         except (KeyError, UnicodeDecodeError, msgspec.MsgspecError, FileError, AnalysisError) as error:
             raise ValueError(f"trial {trial_id}: {plain(error)}") from error
-        source = TrialSource(PurePosixPath(raw[0]).name, files[raw[0]], cards, choices)
-        found[trial_id] = replace(source, baseline=files.get(f"{folder}baseline.toml"))
+        (file_name,) = names
+        single = raw[0] == f"{folder}raw/{file_name}"
+        if not single and len(raw) != len({name.rpartition("/")[2] for name in raw}):
+            raise ValueError(f"trial {trial_id} has a recording in several folders")
+        source = TrialSource(file_name, files[raw[0]] if single else b"", cards, choices)
+        bag = () if single else tuple((name.rpartition("/")[2], files[name]) for name in raw)
+        found[trial_id] = replace(source, folder=bag, baseline=files.get(f"{folder}baseline.toml"))
     return found
 
 

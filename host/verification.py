@@ -1,7 +1,8 @@
 """Verifying a submission: hashes, layout, and everything made again from the raw bytes.
 
 A bundle holds its sources, and the same sources give the same bytes. So every other file is made again and compared:
-tables and JSON number by number, figures and reports byte by byte. Whoever alters a number, a file or a hash is found,
+tables and JSON number by number, figures by what they show, and the reports, made again with these figures, byte by
+byte. Whoever alters a number, a file or a hash is found,
 unless all sources and everything that follows from them were altered together: then it is another submission, whose
 digest differs.
 """
@@ -13,12 +14,14 @@ import hashlib
 import io
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.reporting.bundle import MANIFEST, check_manifest, read_bundle, shown
 from analysis.reporting.errors import BundleError
+from host.drawn_comparison import ComparisonUnavailableError, shows_the_same
 from host.errors import FileError, HostError
 from host.plain_text import plain
 from host.submission import build_submission, made_with
@@ -29,8 +32,10 @@ TOLERANCE = 1e-9
 """Numbers that differ by less, absolutely or relatively, are equal: other processors round otherwise."""
 MAX_DIFFERENCES = 20
 """Differences listed per file; the rest is counted."""
-DRAWN = (".png", ".svg", ".pdf", ".html", ".parquet")
-"""Files compared byte by byte, which is possible only with the same versions of the drawing libraries."""
+_PICTURE = re.compile(rb"data:image/[^\"]*|Size: [0-9.]+ MB")
+REPORTS = ("report.html", "report.pdf")
+FIGURES = (".png", ".svg", ".pdf")
+"""Drawn files: comparing them is possible only with the same version of matplotlib."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,9 @@ class Verification:
     differences: tuple[str, ...]
     """What comes out otherwise when made again, and by how much."""
     notes: tuple[str, ...]
-    """What could not be compared, and why; versions that differ."""
+    """Versions that differ, and why something could not be compared."""
+    uncompared: tuple[str, ...] = ()
+    """Files that could not be compared; ``equal`` says nothing of them."""
 
     @property
     def equal(self) -> bool:
@@ -76,33 +83,142 @@ def verify_bundle(path: Path, *, drawings: bool = True) -> Verification:
         altered = check_manifest(files)
     except BundleError as error:
         raise FileError(f"{plain(path)}: {error}", "ask for the submission again") from error
+    return verify_files(files, altered, drawings=drawings)
+
+
+def verify_files(files: Mapping[str, bytes], altered: tuple[str, ...] = (), *, drawings: bool = True) -> Verification:
+    """Verify the files of a submission, wherever they come from.
+
+    Parameters
+    ----------
+    files : mapping
+        Content by name, the manifest included.
+    altered : tuple of str
+        What :func:`~analysis.reporting.bundle.check_manifest` found.
+    drawings : bool
+        As for :func:`verify_bundle`.
+    """
     digest = hashlib.sha256(files[MANIFEST]).hexdigest()
     try:
         claimed = parse_submission(files.get("submission.json", b""))
         sources = sources_in(files)
     except ValueError as error:
         return Verification(digest, len(files), 0, altered, (plain(error, 400),), ())
-    ours, notes = made_with(), []
-    other = {name: used for name, used in claimed.made_with.items() if ours.get(name) != used}
-    if other or ours.keys() != claimed.made_with.keys():
-        named = ", ".join(f"{name} {used} (here {ours.get(name, 'none')})" for name, used in sorted(other.items()))
-        notes.append(f"made with other versions: {plain(named)}")
+    ours = made_with()
+    names = dict.fromkeys((*ours, *claimed.made_with))
+    other = {name for name in names if ours.get(name) != claimed.made_with.get(name)}
+    notes = []
+    if other:
+        said = [
+            f"{name} {claimed.made_with.get(name, 'none')} (here {ours.get(name, 'none')})"
+            for name in names
+            if name in other
+        ]
+        notes.append(f"made with other versions: {plain(', '.join(said), 400)}")
     differences = []
     if claimed.score_version != SCORE_VERSION:
         differences.append(f"score version {plain(claimed.score_version)}, this program computes {SCORE_VERSION}")
+    comparison = _Comparison(files, other, drawings=drawings)
     try:
         built = build_submission(
-            list(sources.values()), title=claimed.title, versions=claimed.made_with, drawings=drawings
+            list(sources.values()),
+            title=claimed.title,
+            versions=claimed.made_with,
+            drawings=drawings,
+            accept=comparison.accepted,
         )
     except HostError as error:
         differences.append(f"the recordings cannot be scored again: {plain(error, 400)}")
         return Verification(digest, len(files), len(sources), altered, tuple(differences), tuple(notes))
-    found, uncompared = _compare(files, built.files, same_versions=not other, drawings=drawings)
-    differences += found
-    if uncompared:
-        why = "made with other versions" if drawings else "left out on request"
-        notes.append(f"{len(uncompared)} figures and reports were not compared: {why}")
-    return Verification(digest, len(files), len(sources), altered, tuple(differences), tuple(notes))
+    differences += comparison.differences(built.files)
+    return Verification(
+        digest, len(files), len(sources), altered, tuple(differences), (*notes, *comparison.why()),
+        tuple(comparison.uncompared),
+    )  # fmt: skip
+
+
+class _Comparison:
+    """Compares the files of a bundle with those made again."""
+
+    def __init__(self, files: Mapping[str, bytes], other: set[str], *, drawings: bool) -> None:
+        self.uncompared: dict[str, str] = {}
+        """Name and reason."""
+        self._files = files
+        self._other = other
+        self._drawings = drawings
+        self._same: dict[str, bool] = {}
+
+    def accepted(self, name: str, made: bytes) -> bytes:
+        """Give the bundle's figure where it shows the same as ours: the reports hold its bytes."""
+        claimed = self._files.get(name)
+        if claimed is None or self._reason(name):
+            # A foreign picture that cannot be compared is never opened.
+            return made
+        self._same[name] = shows_the_same(name, claimed, made)
+        return claimed if self._same[name] else made
+
+    def differences(self, made: Mapping[str, bytes]) -> list[str]:
+        """Compare everything, in the order of the names."""
+        found: list[str] = []
+        for name in sorted((set(self._files) | set(made)) - {MANIFEST}):
+            kind = Path(name).suffix
+            if name not in made:
+                reason = self._reason(name) if _is_drawn(name) or kind == ".parquet" else ""
+                if reason:
+                    self.uncompared[name] = reason
+                else:
+                    found.append(f"{shown(name)} does not belong to this submission")
+            elif name not in self._files:
+                found.append(f"{name} is missing")
+            elif self._files[name] != made[name]:
+                found += self._content(name, made[name])
+        return found
+
+    def why(self) -> list[str]:
+        """Say what was not compared, and why."""
+        reasons: dict[str, list[str]] = {}
+        for name, reason in self.uncompared.items():
+            reasons.setdefault(reason, []).append(name)
+        return [
+            f"NOT compared: {len(names)} file{'s' if len(names) > 1 else ''} ({reason})"
+            for reason, names in reasons.items()
+        ]
+
+    def _content(self, name: str, made: bytes) -> list[str]:
+        reason = self._reason(name)
+        if reason:
+            self.uncompared[name] = reason
+            return []
+        if name == "report.html" and "matplotlib" in self._other:
+            self.uncompared[name] = "only its texts; the pictures were drawn by another version of matplotlib"
+            same = _PICTURE.sub(b"", self._files[name]) == _PICTURE.sub(b"", made)
+            return [] if same else [f"{name} is not what the data give"]
+        if _is_drawn(name) or name.endswith(".parquet"):
+            try:
+                if name not in self._same:
+                    same_library = "pyarrow" not in self._other
+                    self._same[name] = shows_the_same(name, self._files[name], made, same_library=same_library)
+            except ComparisonUnavailableError as error:
+                self.uncompared[name] = f"needs {error}"
+                return []
+            return [] if self._same[name] else [f"{name} is not what the data give"]
+        return [f"{name}: {what}" for what in _content_differences(name, self._files[name], made)]
+
+    def _reason(self, name: str) -> str:
+        """Say why a file cannot be compared; empty where it can."""
+        if not self._drawings and _is_drawn(name):
+            return "left out on request"
+        if name in REPORTS and "rotdrift" in self._other:
+            return "made by another version of rotdrift"
+        if name != "report.html" and _is_drawn(name) and "matplotlib" in self._other:
+            return "drawn by another version of matplotlib"
+        if name.endswith(".parquet") and made_with().get("pyarrow") is None:
+            return "needs pyarrow: pip install 'rotdrift[parquet]'"
+        return ""
+
+
+def _is_drawn(name: str) -> bool:
+    return name in REPORTS or (name.endswith(FIGURES) and "figures/" in name)
 
 
 def read_folder(folder: Path) -> dict[str, bytes]:
@@ -130,36 +246,10 @@ def read_folder(folder: Path) -> dict[str, bytes]:
     return files
 
 
-def _compare(
-    files: Mapping[str, bytes], made: Mapping[str, bytes], *, same_versions: bool, drawings: bool
-) -> tuple[list[str], list[str]]:
-    differences: list[str] = []
-    uncompared: list[str] = []
-    for name in sorted((set(files) | set(made)) - {MANIFEST}):
-        kind = Path(name).suffix
-        if name not in made:
-            if not drawings and kind in DRAWN:
-                uncompared.append(name)
-            else:
-                differences.append(f"{shown(name)} does not belong to this submission")
-        elif name not in files:
-            differences.append(f"{name} is missing")
-        elif files[name] == made[name]:
-            continue
-        elif kind in DRAWN:
-            if same_versions:
-                differences.append(f"{name} is not what the data give")
-            else:
-                uncompared.append(name)
-        else:
-            differences += [f"{name}: {what}" for what in _content_differences(name, files[name], made[name])]
-    return differences, uncompared
-
-
 def _content_differences(name: str, claimed: bytes, made: bytes) -> list[str]:
     try:
         if name.endswith(".json"):
-            found = list(_value_differences("", json.loads(claimed), json.loads(made)))
+            found = list(_value_differences("", json.loads(claimed, object_pairs_hook=_once), json.loads(made)))
         elif name.endswith(".csv"):
             found = list(_table_differences(_rows(claimed), _rows(made)))
         else:
@@ -168,6 +258,14 @@ def _content_differences(name: str, claimed: bytes, made: bytes) -> list[str]:
         return [f"cannot be read ({plain(error)})"]
     if len(found) > MAX_DIFFERENCES:
         return [*found[:MAX_DIFFERENCES], f"and {len(found) - MAX_DIFFERENCES} more differences"]
+    return found
+
+
+def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """Refuse a name that stands twice in an object: one reader takes the first value, the next one the last."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a name stands twice in one object")
     return found
 
 

@@ -156,6 +156,8 @@ def check_manifest(files: Mapping[str, bytes]) -> tuple[str, ...]:
             found.append(f"{name} is not in {MANIFEST}")
         elif hashlib.sha256(files[name]).hexdigest() != listed[name]:
             found.append(f"{name} is not what {MANIFEST} says: it was altered")
+    if files[MANIFEST] != "".join(f"{listed[name]}  {name}\n" for name in sorted(listed)).encode():
+        found.append(f"{MANIFEST} is not written as rotdrift writes it: it was altered")
     return tuple(found)
 
 

@@ -119,7 +119,7 @@ def _endpoints(name: str, points: FloatArray, colour: str, symbol: str, *, line:
 
 
 def _columns(points: FloatArray) -> dict[str, list[float]]:
-    rounded = np.round(points, 4)
+    rounded = np.round(points, 4) + 0.0  # no -0.0: it would depend on the last digit
     return {axis: rounded[:, column].tolist() for column, axis in enumerate("xyz")}
 
 

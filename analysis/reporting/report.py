@@ -36,6 +36,7 @@ def report_html(
     title: str,
     version: str,
     drawn: dict[str, tuple[NamedFigure, ...]] | None = None,
+    forest: dict[str, bytes] | None = None,
 ) -> str:
     """Write the report of one or several trials.
 
@@ -49,6 +50,8 @@ def report_html(
         Version of rotdrift, for the reader.
     drawn
         Figures by trial id with a ``svg`` and a ``png`` of each, where they were drawn already.
+    forest
+        The figure of the whole as ``svg``, where it was drawn already.
 
     Returns
     -------
@@ -68,7 +71,9 @@ def report_html(
         "pooled": pooled if any(row.n_trials > 1 for row in pooled) else [],
         "pooled_columns": overview.COLUMNS,
         "cells": overview.cells,
-        "forest": _data_uri("image/svg+xml", overview.forest(pooled, "svg")) if len(trials) > 1 else "",
+        "forest": _data_uri("image/svg+xml", (forest or {}).get("svg") or overview.forest(pooled, "svg"))
+        if len(trials) > 1
+        else "",
         "incomplete": wording.missing_lines(trials),
         "css": _own("report.css"),
         "js": _own("report.js"),

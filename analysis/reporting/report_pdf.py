@@ -22,6 +22,7 @@ def report_pdf(
     title: str,
     version: str,
     drawn: dict[str, tuple[NamedFigure, ...]] | None = None,
+    forest: dict[str, bytes] | None = None,
 ) -> bytes:
     """Write the report of one or several trials as a PDF; the same input gives the same bytes.
 
@@ -35,6 +36,8 @@ def report_pdf(
         Version of rotdrift.
     drawn
         Figures by trial id with a ``png`` of each, where they were drawn already.
+    forest
+        The figure of the whole as ``png``, where it was drawn already.
     """
     buffer = io.BytesIO()
     metadata = {"CreationDate": None, "Producer": None, "Creator": f"rotdrift {version}", "Title": title}
@@ -45,7 +48,7 @@ def report_pdf(
         page.text(f"Rotation Drift Benchmark, card {wording.CARD_REFERENCE}", 8, colour=look.GREY)
         page.gap(0.08)
         page.text(wording.ABOUT, 8)
-        _overview(page, trials)
+        _overview(page, trials, forest or {})
         for trial in trials:
             if len(trials) > 1:
                 page.feed()
@@ -55,7 +58,7 @@ def report_pdf(
     return buffer.getvalue()
 
 
-def _overview(page: PageSetter, trials: Sequence[TrialReport]) -> None:
+def _overview(page: PageSetter, trials: Sequence[TrialReport], forest: dict[str, bytes]) -> None:
     if len(trials) > 1:
         page.heading(f"{len(trials)} trials")
         head = ("trial", "object", "motion", "hand", "θ̄ (°)", "95 % interval (°)", "end points", "result")
@@ -80,7 +83,7 @@ def _overview(page: PageSetter, trials: Sequence[TrialReport]) -> None:
             table = [overview.COLUMNS, *(overview.cells(row) for row in pooled)]
             page.table(table, (1.3, 1.7, 1.0, 0.6, 1.2, 0.6, 0.67), 6.5, head=True)
         page.gap(0.15)
-        page.picture(overview.forest(pooled, "png"), WIDTH_IN)
+        page.picture(forest.get("png") or overview.forest(pooled, "png"), WIDTH_IN)
     incomplete = wording.missing_lines(trials)
     if incomplete:
         page.heading("This submission is incomplete: the benchmark card asks for more than the cards hold")

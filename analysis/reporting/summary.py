@@ -132,7 +132,7 @@ def summary_markdown(rows: Sequence[PooledFigure]) -> str:
 def summary_latex(rows: Sequence[PooledFigure]) -> str:
     """Write the summary as a LaTeX table (booktabs)."""
     lines = [
-        "% needs \\usepackage{booktabs}",
+        "% needs \\usepackage{booktabs}; names in other than Latin letters need XeLaTeX or LuaLaTeX",
         "\\begin{tabular}{lllrrrr}",
         "\\toprule",
         "Hand & Object & Motion & $\\bar{\\theta}$ ($^\\circ$) & 95\\,\\% interval ($^\\circ$) & Range ($^\\circ$) & "
@@ -160,8 +160,8 @@ def _exact(value: float | None) -> str:
 
 
 def _cell(text: str) -> str:
-    """Keep a spreadsheet from taking a text for a formula."""
-    return f"'{text}" if text[:1] in {"=", "+", "-", "@"} else text
+    """Keep a spreadsheet from taking a text for a formula; also where it drops what stands before it."""
+    return f"'{text}" if text.lstrip()[:1] in {"=", "+", "-", "@", "|", "%"} or text[:1] in {"\t", "\r"} else text
 
 
 def _escaped(text: str, characters: str, mark: str) -> str:
@@ -173,7 +173,17 @@ _LATEX = {
     "~": "\\textasciitilde{}",
     "^": "\\textasciicircum{}",
     "×": "$\\times$",
-    "⌀": "$\\varnothing$",
+    "⌀": "$\\oslash$",
+    "<": "\\textless{}",
+    ">": "\\textgreater{}",
+    "|": "\\textbar{}",
+    '"': "''",
+    "…": "\\ldots{}",
+    "·": "$\\cdot$",
+    "±": "$\\pm$",
+    "−": "$-$",
+    "µ": "$\\mu$",
+    "\ufffd": "?",
     "θ": "$\\theta$",
     "°": "$^\\circ$",
     **{character: "\\" + character for character in "&%$#_{}"},
@@ -181,4 +191,5 @@ _LATEX = {
 
 
 def _latex(text: str) -> str:
-    return "".join(_LATEX.get(character, character) for character in text).replace("\n", " ")
+    """Write a text so that LaTeX sets it as it is; ``--`` and ``?`` + back-tick would become other signs."""
+    return "".join(_LATEX.get(character, character) for character in text).replace("\n", " ").replace("--", "-{}-")

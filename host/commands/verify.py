@@ -42,6 +42,7 @@ def run(args: argparse.Namespace) -> int:
             "n_trials": found.n_trials,
             "altered": found.altered,
             "differences": found.differences,
+            "uncompared": found.uncompared,
             "notes": found.notes,
         }
         sys.stdout.write(json.dumps(values, indent=2, ensure_ascii=False) + "\n")
@@ -49,11 +50,16 @@ def run(args: argparse.Namespace) -> int:
     lines = [f"altered: {line}" for line in found.altered]
     lines += [f"differs: {line}" for line in found.differences]
     lines += list(found.notes)
-    lines.append(
-        f"equal: {found.n_files} files, {found.n_trials} trials scored again from the raw bytes"
-        if found.equal
-        else f"not equal: {len(found.altered)} altered files, {len(found.differences)} differences"
-    )
+    n_compared = found.n_files - len(found.uncompared)
+    if not found.equal:
+        lines.append(f"not equal: {len(found.altered)} altered files, {len(found.differences)} differences")
+    elif found.uncompared:
+        lines.append(
+            f"equal as far as compared: {n_compared} of {found.n_files} files; all numbers of {found.n_trials} trials "
+            "scored again from the raw bytes"
+        )
+    else:
+        lines.append(f"equal: {found.n_files} files, {found.n_trials} trials scored again from the raw bytes")
     lines.append(f"digest of the submission: {found.digest}")
     sys.stdout.write("\n".join(lines) + "\n")
     return 0 if found.equal else 1

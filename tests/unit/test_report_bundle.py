@@ -106,6 +106,14 @@ def test_links_twins_and_crowds_are_refused(tmp_path):
         read_bundle(zip_of([(str(k), b"") for k in range(6)], tmp_path / "c.zip"), BundleLimits(entries=5))
 
 
+def test_an_encrypted_entry_is_refused(tmp_path):
+    data = bytearray(zip_of([("secret", b"x" * 50)], tmp_path / "a.zip").read_bytes())
+    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        data[data.index(signature) + offset] |= 1  # general purpose flag, bit 0
+    with pytest.raises(BundleError, match="secret is encrypted"):
+        read_bundle(write(tmp_path / "b.zip", bytes(data)))
+
+
 def test_bombs_are_refused_before_they_are_unpacked(tmp_path):
     bomb = zip_of([("zeros", bytes(40 * 2**20))], tmp_path / "bomb.zip")
     assert bomb.stat().st_size < 100_000

@@ -1,0 +1,237 @@
+"""Every number and file of a submission altered one at a time, under a new manifest: only making it again finds it."""
+
+import csv
+import io
+import json
+import random
+import re
+
+import pytest
+
+import host.verification
+from analysis.reporting.bundle import MANIFEST, manifest_text, read_bundle
+from analysis.writers.series_csv import csv_text
+from host.cards import parse_cards
+from host.cli import main
+from host.submission import build_submission
+from host.submission_source import TrialSource
+from host.verification import verify_files
+from tests.scored_trials import scored
+
+CARDS = """
+[object]
+type = "cube"
+dimensions = {{ x_mm = 60, y_mm = 60, z_mm = 60 }}
+mass_g = 180.5
+com_mm = [0, 0, 2.5]
+[hand]
+model = "T42"
+aperture_mm = 90
+[trial]
+motion = "{motion}"
+"""
+
+
+@pytest.fixture(scope="module")
+def sources():
+    found = []
+    for number, motion in enumerate(("roll", "roll", "pitch")):
+        series, _ = scored(cycles=5, slip_deg=0.0, seed=number)
+        cards = parse_cards(CARDS.format(motion=motion))
+        found.append(TrialSource(f"{number}.csv", csv_text(series).encode(), cards))
+    return found
+
+
+@pytest.fixture(scope="module")
+def drawn(sources):
+    """One trial with everything that is drawn."""
+    return build_submission(sources[:1])
+
+
+@pytest.fixture(scope="module")
+def undrawn(sources):
+    return build_submission(sources, drawings=False)
+
+
+@pytest.fixture
+def verified(monkeypatch, sources, drawn, undrawn):
+    """Verify altered files; what the same sources gave once is not computed again."""
+
+    def remembered(found, *, title, versions, drawings, accept):
+        made = drawn if drawings else undrawn
+        count = 1 if drawings else len(sources)
+        same = sorted(found, key=lambda s: s.file_name) == sources[:count] and title == made.submission.title
+        figures = [name for name in made.files if "figures/" in name]
+        if (
+            same
+            and versions == made.submission.made_with
+            and all(accept(name, made.files[name]) == made.files[name] for name in figures if drawings)
+        ):
+            return made
+        return build_submission(found, title=title, versions=versions, drawings=drawings, accept=accept)
+
+    monkeypatch.setattr(host.verification, "build_submission", remembered)
+
+    def verify(files, **changes):
+        whole = {**files, **changes.pop("changed", {})}
+        return verify_files({**whole, MANIFEST: manifest_text(whole).encode()}, **changes)
+
+    return verify
+
+
+def leaves(value, path=()):
+    if isinstance(value, dict | list):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from leaves(item, (*path, key))
+    else:
+        yield path, value
+
+
+def altered(value):
+    """Another value of the same kind, as near as may be."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int):
+        return value + 1
+    if isinstance(value, float):
+        return value + 1e-8 * max(abs(value), 1.0)
+    return 0.5 if value is None else f"{value}x"
+
+
+def put(values, path, value):
+    for key in path[:-1]:
+        values = values[key]
+    values[path[-1]] = value
+
+
+def json_mutants(data):
+    for path, value in list(leaves(json.loads(data))):
+        values = json.loads(data)
+        put(values, path, altered(value))
+        yield path, json.dumps(values).encode()
+
+
+def csv_mutants(data, rng, most):
+    rows = list(csv.reader(io.StringIO(data.decode())))
+    cells = [(r, c) for r in range(len(rows)) for c in range(len(rows[r]))]
+    for row, column in rng.sample(cells, min(most, len(cells))):
+        changed = [list(line) for line in rows]
+        cell = changed[row][column]
+        try:
+            changed[row][column] = repr(altered(int(cell) if cell.isdigit() else float(cell)))
+        except ValueError:
+            changed[row][column] = cell + "x"
+        buffer = io.StringIO()
+        csv.writer(buffer, lineterminator="\n").writerows(changed)
+        yield (row, column), buffer.getvalue().encode()
+
+
+def test_every_value_of_every_json_file_is_found(undrawn, verified):
+    assert verified(undrawn.files, drawings=False).equal
+    count = 0
+    for name in [name for name in undrawn.files if name.endswith(("submission.json", "roll--01/result.json"))]:
+        for path, content in json_mutants(undrawn.files[name]):
+            if path[0] == "made_with":
+                continue  # claims of the maker, see below
+            found = verified(undrawn.files, changed={name: content}, drawings=False)
+            count += 1
+            # The title is the maker's own choice: it stands in the report as well, and is found there.
+            assert not found.equal or path == ("title",), (name, path)
+    assert count > 250
+
+
+def test_other_versions_claimed_are_said_and_hide_nothing_silently(drawn, undrawn, verified):
+    for package in json.loads(undrawn.files["submission.json"])["made_with"]:
+        whole = drawn if package == "matplotlib" else undrawn
+        values = json.loads(whole.files["submission.json"])
+        values["made_with"][package] = "0.0"
+        changed = {"submission.json": json.dumps(values).encode()}
+        figure = next((name for name in whole.files if name.endswith("steps.png")), "")
+        if figure:
+            changed[figure] = whole.files[figure] + b" "
+        found = verified(whole.files, changed=changed, drawings=whole is drawn)
+        assert f"{package} 0.0 (here" in found.notes[0]
+        assert figure == "" or figure in found.uncompared
+        assert "report.html" not in str(found.differences)
+
+
+def test_values_of_the_tables_are_found(undrawn, verified):
+    rng = random.Random(1)
+    for name in [name for name in undrawn.files if name.endswith(".csv") and "/raw/" not in name]:
+        for place, content in csv_mutants(undrawn.files[name], rng, 25):
+            assert not verified(undrawn.files, changed={name: content}, drawings=False).equal, (name, place)
+
+
+def test_every_file_with_an_altered_byte_taken_away_or_added_is_found(drawn, verified):
+    rng = random.Random(2)
+    assert verified(drawn.files).equal
+    for name, content in drawn.files.items():
+        rest = {key: value for key, value in drawn.files.items() if key != name}
+        assert not verified(rest).equal, name
+        assert not verified(drawn.files, changed={name: content + b"1"}).equal, name
+        if name.startswith("trials/") and not name.endswith((".json", ".toml", ".parquet")) and "/raw/" not in name:
+            # (a bit of a parquet file may be the last one of a number)
+            flipped = bytearray(content)
+            flipped[rng.randrange(len(flipped))] ^= 1 << rng.randrange(7)
+            if name.endswith(".csv") and not differs(content, bytes(flipped)):
+                continue
+            assert not verified(drawn.files, changed={name: bytes(flipped)}).equal, name
+    assert not verified(drawn.files, changed={"extra.txt": b""}).equal
+
+
+def differs(one, other):
+    """Whether two tables differ by more than verifying tolerates: the last of 17 digits may."""
+
+    def values(data):
+        return [
+            float(cell) if re.fullmatch(r"[-+.\de]+", cell) else cell for cell in re.split(rb"[,\n]".decode(), data)
+        ]
+
+    try:
+        first, second = values(one.decode()), values(other.decode())
+    except (UnicodeDecodeError, ValueError):
+        return True
+    return len(first) != len(second) or any(
+        type(a) is not type(b) or (a != b and (isinstance(a, str) or abs(a - b) > 1e-9 * max(abs(a), 1.0)))
+        for a, b in zip(first, second, strict=True)
+    )
+
+
+def test_numbers_and_words_of_the_reports_are_found(drawn, verified):
+    rng = random.Random(3)
+    page = drawn.files["report.html"].decode()
+    body = page[: page.index('id="plotly-gz"')]
+    places = [m for m in re.finditer(r"\d+\.\d+", body) if "base64" not in body[max(m.start() - 30, 0) : m.start()]]
+    for match in rng.sample(places, 40):
+        digit = str((int(page[match.end() - 1]) + 1) % 10)
+        changed = page[: match.end() - 1] + digit + page[match.end() :]
+        assert not verified(drawn.files, changed={"report.html": changed.encode()}).equal
+
+
+def test_a_name_that_stands_twice_is_found(undrawn, verified):
+    text = undrawn.files["submission.json"].decode()
+    twice = text.replace('"theta_bar_deg"', '"theta_bar_deg": 0.001, "theta_bar_deg"', 1)
+    found = verified(undrawn.files, changed={"submission.json": twice.encode()}, drawings=False)
+    assert found.differences == ("submission.json: cannot be read (a name stands twice in one object)",)
+
+
+def test_a_manifest_in_another_order_is_found(undrawn):
+    from analysis.reporting.bundle import check_manifest
+
+    lines = manifest_text(undrawn.files).splitlines(keepends=True)
+    found = check_manifest({**undrawn.files, MANIFEST: "".join(lines[::-1]).encode()})
+    assert found == (f"{MANIFEST} is not written as rotdrift writes it: it was altered",)
+
+
+def test_the_commands_make_and_verify_a_complete_bundle(sources, tmp_path, capsys, monkeypatch, drawn):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "0.csv").write_bytes(sources[0].data)
+    (tmp_path / "0.toml").write_text(CARDS.format(motion="roll"))
+    assert main(["report", "0.csv", "--out", "s.zip"]) == 0
+    assert main(["report", "0.csv", "--out", "s.zip"]) == 4
+    files = read_bundle(tmp_path / "s.zip")
+    assert {name: files[name] for name in drawn.files} == drawn.files
+    assert {"report.html", "report.pdf", "CITATION.txt", "summary.tex", "figures/summary.svg"} <= set(files)
+    assert sum(name.endswith((".png", ".svg", ".pdf")) for name in files) == 1 + 3 + 3 * 7
+    assert main(["verify", "s.zip", "--no-drawings"]) == 0
+    assert "equal as far as compared" in capsys.readouterr().out
