@@ -226,7 +226,9 @@ class Capture:
         if assembler.doubtful:
             session.ask_who(self._now_ns())
         if assembler.crowded and session.error is None:
-            session.error = WrongObjectError(CROWDED, "leave one object on the line; on CAN, give each a node id of its own")
+            session.error = WrongObjectError(
+                CROWDED, "leave one object on the line; on CAN, give each a node id of its own"
+            )
 
     def _reopened(self, now_ns: int) -> None:
         """Go on after the link was lost and opened again: the same recording, the same trial, a new handshake."""
