@@ -39,6 +39,8 @@ class CycleSettings:
     """The period is the first peak of the autocorrelation above this share of the largest."""
     min_confidence: float = 0.3
     """Autocorrelation at the period below which there is no claim."""
+    min_tempo_confidence: float = 0.15
+    """The same for even swings about one axis whose cycles are alike: there, changing tempo hides the period."""
     sure_confidence: float = 0.5
     """Autocorrelation at the period below which there is a warning."""
     axis_sigma: float = 1.5

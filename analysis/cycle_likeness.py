@@ -44,7 +44,7 @@ def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
     return float(np.median((shape * others).sum(axis=1) / np.maximum(scale, 1e-300)))
 
 
-def irregularity(endpoint_s: FloatArray, prominence: FloatArray) -> float:
+def irregularity(endpoint_s: FloatArray | None, prominence: FloatArray) -> float:
     """Spread of the distances between end points and of the swings, as a share of their medians.
 
     Each spread is 1.25 times the mean deviation from the median (the standard deviation of normal values), so that
@@ -53,12 +53,12 @@ def irregularity(endpoint_s: FloatArray, prominence: FloatArray) -> float:
     Parameters
     ----------
     endpoint_s
-        (n,) times of the end points, n ≥ 3, s.
+        (n,) times of the end points, n ≥ 3, s; None where any tempo will do.
     prominence
         (n,) swing of each, any unit.
     """
     total = 0.0
-    for values in (np.diff(endpoint_s), prominence):
+    for values in (prominence,) if endpoint_s is None else (np.diff(endpoint_s), prominence):
         middle = float(np.median(values))
         total += (1.25 * float(np.mean(np.abs(values - middle))) / max(middle, 1e-300)) ** 2
     return float(np.sqrt(total))

@@ -46,14 +46,18 @@ def with_verdict(
     points = result.endpoints
     times_s = np.array([point.time_s for point in points])
     spacing_s = np.diff(times_s)
+    any_tempo = period.confidence < result.settings.min_confidence
+    prominence = np.array([point.prominence_deg for point in points])
     result = replace(
         result,
         period_s=float(np.median(spacing_s)) if len(spacing_s) else period.seconds,
         likeness=likeness(motion.smoothed(period.seconds / 40.0), times_s) if len(points) >= 3 else 0.0,
-        irregularity=irregularity(times_s, np.array([p.prominence_deg for p in points])) if len(points) >= 3 else 0.0,
+        irregularity=irregularity(times_s, prominence) if len(points) >= 3 else 0.0,
     )
     let_go = _grasp_and_release(result, motion)
-    reasons = _reasons(result, motion, turning) + ([f"looks like grasp-and-release: {let_go}"] if let_go else [])
+    reasons = _reasons(result, motion, turning, any_tempo=any_tempo) + (
+        [f"looks like grasp-and-release: {let_go}"] if let_go else []
+    )
     warnings = _warnings(result, period)
     if let_go:
         warnings.append("looks like grasp-and-release trials: no drift can be claimed")
@@ -77,7 +81,7 @@ def _grasp_and_release(result: CycleAnalysis, motion: Motion) -> str:
     return f"{number:.1f} rests per cycle, {share:.0%} of the time, about no one axis"
 
 
-def _reasons(result: CycleAnalysis, motion: Motion, turning: AxisAngle) -> list[str]:
+def _reasons(result: CycleAnalysis, motion: Motion, turning: AxisAngle, *, any_tempo: bool) -> list[str]:
     settings, points = result.settings, result.endpoints
     angle = turning.angle_rad
     if len(points) < settings.min_endpoints:
@@ -90,9 +94,13 @@ def _reasons(result: CycleAnalysis, motion: Motion, turning: AxisAngle) -> list[
     advance_deg = float(np.degrees(abs(angle[at[1]] - angle[at[0]]))) / (len(points) - 1)
     if advance_deg > settings.max_advance * result.swing_deg:
         reasons.append(f"one-way rotation: advances {advance_deg:.1f}° per cycle at a swing of {result.swing_deg:.1f}°")
-    if result.likeness < settings.min_likeness:
-        reasons.append(f"cycles do not repeat: likeness {result.likeness:.2f}, needs {settings.min_likeness}")
-    if result.irregularity > settings.max_irregularity:
+    min_likeness = settings.sure_likeness if any_tempo else settings.min_likeness
+    if result.likeness < min_likeness:
+        reasons.append(f"cycles do not repeat: likeness {result.likeness:.2f}, needs {min_likeness}")
+    # Cycles of one shape and one size may have any tempo: changing tempo is warned of.
+    swings_deg = np.array([point.prominence_deg for point in points])
+    even = irregularity(None, swings_deg) <= 0.5 * settings.max_irregularity
+    if result.irregularity > settings.max_irregularity and not (even and result.likeness >= settings.sure_likeness):
         reasons.append(
             f"cycles do not repeat: spacing and swing vary by {result.irregularity:.0%}, "
             f"at most {settings.max_irregularity:.0%}"

@@ -23,7 +23,7 @@ from analysis.motion_axis import AxisAngle, motion_axis
 from analysis.period import Period
 from analysis.period_search import search_period
 from analysis.series import FloatArray, OrientationSeries
-from analysis.turning_points import TurningPoints, turning_points, without_short_pairs
+from analysis.turning_points import NONE_FOUND, TurningPoints, turning_points, without_short_pairs
 
 __all__ = ["CycleAnalysis", "CycleSettings", "Endpoint", "LeftOut", "Run", "find_cycles"]
 
@@ -90,16 +90,20 @@ def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples) -> CycleAnal
     active_s = (motion.start_s + first / motion.rate_hz, motion.start_s + last / motion.rate_hz)
     nothing = replace(nothing, active_s=active_s)
     period, smooth_s = search_period(motion.part(first, last), samples, settings)
+    refused = nothing
     if period is None or period.confidence < settings.min_confidence:
-        return replace(
+        refused = replace(
             nothing,
             reasons=(why_no_period(motion.part(first, last), period, settings),),
             period_confidence=0.0 if period is None else period.confidence,
         )
+        if period is None or period.confidence < settings.min_tempo_confidence:
+            return refused
     if window is not None:  # the travel to the first and from the last end point may lie outside the window
         margin = int(period.seconds * motion.rate_hz)
         first, last = first - margin, last + margin
-    return _with_endpoints(nothing, samples, motion.part(first, last), period, smooth_s)
+    result = _with_endpoints(nothing, samples, motion.part(first, last), period, smooth_s)
+    return refused if refused.reasons and not result.valid else result
 
 
 def _active(motion: Motion, window: tuple[float, float] | None) -> tuple[int, int]:
@@ -149,7 +153,7 @@ def _with_endpoints(
             settings,
             upper=upper,
         )
-        candidates.append(_candidate(extremes, period.seconds, nothing.window, settings))
+        candidates.append(_candidate(extremes, period, nothing.window, settings))
     primary, other = sorted(
         candidates, key=lambda c: (-len(c.endpoints), c.endpoints[0].time_s if c.endpoints else np.inf)
     )
@@ -177,6 +181,8 @@ def _turning_points(
     spacing = np.concatenate([np.diff(found.points[found.upper == kind]) for kind in (True, False)]) / length
     if len(spacing) == 0:
         return found, 1
+    if period.confidence < settings.min_confidence:
+        return (found, 0) if _even_swings(found, turning.angle_rad, settings) else (NONE_FOUND, 1)
     low, high = settings.spacing
     if low <= np.median(spacing) <= high and np.mean(spacing < low) < 0.2:
         return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
@@ -199,14 +205,15 @@ def _even_swings(found: TurningPoints, angle: FloatArray, settings: CycleSetting
 
 
 def _candidate(
-    extremes: Extremes, period_s: float, window: tuple[float, float] | None, settings: CycleSettings
+    extremes: Extremes, period: Period, window: tuple[float, float] | None, settings: CycleSettings
 ) -> _Candidate:
+    period_s, any_tempo = period.seconds, period.confidence < settings.min_confidence
     runs: list[tuple[Endpoint, ...]] = []
     left_out = list(extremes.refused)
     for piece in split_runs(extremes, period_s, settings):
         run, off = piece, list[LeftOut]()
         if window is None:
-            run, off = gate_ends(extremes, piece, period_s, settings)
+            run, off = gate_ends(extremes, piece, period_s, settings, any_tempo=any_tempo)
         else:
             inside = [k for k in range(piece.start, piece.stop) if _inside(extremes.endpoints[k], window)]
             run = slice(inside[0], inside[-1] + 1) if inside else slice(0, 0)

@@ -178,7 +178,9 @@ def split_runs(extremes: Extremes, period_s: float, settings: CycleSettings) -> 
     return [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
 
 
-def gate_ends(extremes: Extremes, run: slice, period_s: float, settings: CycleSettings) -> tuple[slice, list[LeftOut]]:
+def gate_ends(
+    extremes: Extremes, run: slice, period_s: float, settings: CycleSettings, *, any_tempo: bool = False
+) -> tuple[slice, list[LeftOut]]:
     """Leave out idle poses and irregular cycles at the two ends of a run; the inside is never touched.
 
     Parameters
@@ -191,6 +193,8 @@ def gate_ends(extremes: Extremes, run: slice, period_s: float, settings: CycleSe
         Length of a cycle, s.
     settings
         What is regular.
+    any_tempo
+        Tempo changes so much that the length of a cycle is judged by that of the next one.
 
     Returns
     -------
@@ -200,10 +204,19 @@ def gate_ends(extremes: Extremes, run: slice, period_s: float, settings: CycleSe
     first, last = run.start, run.stop
     left_out: list[LeftOut] = []
     usual_dwell_s = float(np.median([point.dwell_s for point in extremes.endpoints[run]]))
-    while last - first >= 2 and (why := _irregular(extremes, first, first + 1, period_s, usual_dwell_s, settings)):
+    times_s = [point.time_s for point in extremes.endpoints]
+
+    def usual_s(inner: int, further: int) -> float:
+        return abs(times_s[further] - times_s[inner]) if any_tempo and last - first >= 3 else period_s
+
+    while last - first >= 2 and (
+        why := _irregular(extremes, first, first + 1, usual_s(first + 1, first + 2), usual_dwell_s, settings)
+    ):
         left_out.append(LeftOut(extremes.endpoints[first].time_s, f"first cycle: {why}", primary=False))
         first += 1
-    while last - first >= 2 and (why := _irregular(extremes, last - 1, last - 2, period_s, usual_dwell_s, settings)):
+    while last - first >= 2 and (
+        why := _irregular(extremes, last - 1, last - 2, usual_s(last - 2, last - 3), usual_dwell_s, settings)
+    ):
         left_out.append(LeftOut(extremes.endpoints[last - 1].time_s, f"last cycle: {why}", primary=False))
         last -= 1
     return slice(first, last), left_out

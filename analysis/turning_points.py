@@ -23,6 +23,9 @@ class TurningPoints:
         return len(self.points)
 
 
+NONE_FOUND = TurningPoints(np.empty(0, dtype=np.int64), np.empty(0, dtype=bool))
+
+
 def turning_points(angle: FloatArray, hysteresis: float) -> TurningPoints:
     """Extremes between which the angle travels at least ``hysteresis`` each way.
 

@@ -10,7 +10,7 @@ from analysis.angular_velocity import Motion
 from analysis.cycle_template import axis_speeds, locked_cycles
 from analysis.cycles import find_cycles
 from analysis.series import OrientationSeries
-from tests.simulated_motion import Trial, simulate, theta_bar_deg, two_humps
+from tests.simulated_motion import Trial, cosine, simulate, theta_bar_deg, trapezoid, triangle, two_humps
 
 
 def with_stroke(series: OrientationSeries, at_s: float, angle_deg: float, length_s: float = 0.4) -> OrientationSeries:
@@ -98,3 +98,18 @@ def test_limited_speed_keeps_directions_and_slow_motion():
     assert motion.limited(1e9) is motion
     still = Motion(0.0, 100.0, np.zeros((50, 3)), np.zeros(50), 1e-3)
     assert still.limited(3.0) is still
+
+
+@pytest.mark.parametrize("shape", [cosine, trapezoid, triangle])
+@pytest.mark.parametrize("tempo", [(0.5, 1.5), (1.5, 0.5)])
+@pytest.mark.parametrize("cycles", [6, 14])
+def test_a_tempo_that_changes_threefold_is_warned_of_and_every_cycle_found(shape, tempo, cycles):
+    """The autocorrelation has no peak of 0.3, but every swing is of one size and shape."""
+    trial = simulate(shape, cycles=cycles, tempo=np.linspace(*tempo, cycles), noise_deg=0.02)
+    found = find_cycles(trial.series)
+    assert found.valid, found.reasons
+    assert found.period_confidence < 0.3
+    assert [point.time_s for point in found.endpoints] == pytest.approx(trial.endpoint_s, abs=0.03)
+    assert theta_bar_deg(np.array([point.quat_wxyz for point in found.endpoints])) == pytest.approx(0.8, abs=0.05)
+    assert any("tempo changes" in warning for warning in found.warnings)
+    assert any("cycles differ much" in warning for warning in found.warnings)
