@@ -32,6 +32,7 @@ _DAMAGE = (
     AssertionError,
     AttributeError,
     TypeError,
+    SyntaxError,  # rosbags makes classes of the types in a bag: their names are letters, digits and _ by its grammar
     MemoryError,
     RecursionError,
     struct.error,

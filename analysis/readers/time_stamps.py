@@ -102,7 +102,8 @@ def to_series(raw: RawSamples, rate_hz: float | None = None) -> OrientationSerie
 
 
 def _check_norms(raw: RawSamples, rows: IntArray) -> None:
-    norms = np.linalg.norm(raw.quats_wxyz, axis=1)
+    with np.errstate(over="ignore"):  # numbers beyond all reason are refused below, without a word of numpy's
+        norms = np.linalg.norm(raw.quats_wxyz, axis=1)
     bad = ~(np.abs(norms - 1.0) <= NORM_TOLERANCE)
     if bad.any():
         first = int(np.argmax(bad))
