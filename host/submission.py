@@ -22,6 +22,7 @@ from analysis.reporting.figure_set import NamedFigure, draw_figures
 from analysis.reporting.report import report_html
 from analysis.reporting.report_pdf import report_pdf
 from analysis.reporting.summary import TrialFigure, pool, summary_csv, summary_latex, summary_markdown
+from host.errors import UsageError
 from host.submission_format import (
     CARD,
     CONVENTIONS,
@@ -100,8 +101,9 @@ def build_submission(
     Raises
     ------
     HostError
-        A recording cannot be read or scored as chosen.
+        A recording cannot be read or scored as chosen, or is there twice.
     """
+    _refuse_twins(sources)
     versions = versions if versions is not None else made_with()
     parquet = "pyarrow" in versions and "pyarrow" in made_with()
     trials = _named([build_trial(source, parquet=parquet) for source in sources])
@@ -147,6 +149,15 @@ def build_submission(
     if "pyarrow" not in versions:
         notes += ("no samples as parquet: that needs pyarrow (pip install 'rotdrift[parquet]')",)
     return BuiltSubmission(files, submission, notes)
+
+
+def _refuse_twins(sources: Sequence[TrialSource]) -> None:
+    """Refuse the same recording twice: pooled as repeats, it would make the interval of the mean too small."""
+    seen: dict[str, str] = {}
+    for source in sources:
+        if source.sha256 in seen:
+            raise UsageError(f"{seen[source.sha256]} and {source.file_name} are the same recording", "give it once")
+        seen[source.sha256] = source.file_name
 
 
 def _drawings(

@@ -173,13 +173,13 @@ def forest_figure(rows: Sequence[PooledFigure]) -> look.PaperFigure:
     y, ticks, labels = 0.0, [], []
     for group in groups:
         ax.text(
-            0.0, y, look.drawable(f"{group[0]} · {group[1]}"), transform=ax.get_yaxis_transform(), va="center",
-            weight="bold", fontsize=7, bbox={"fc": "white", "ec": "none", "pad": 1.0},
+            0.0, y, _short(f"{group[0]} · {group[1]}", 75), transform=ax.get_yaxis_transform(), va="center",
+            weight="bold", fontsize=7, bbox={"fc": "white", "ec": "none", "pad": 1.0}, in_layout=False,
         )  # fmt: skip
         y += 1.0
         for row in (row for row in rows if (row.object, row.motion) == group):
             ticks.append(y)
-            labels.append(look.drawable(row.hand))
+            labels.append(_short(row.hand, 32))
             if row.mean_deg is None:
                 text = "no score"
             else:
@@ -201,3 +201,9 @@ def forest_figure(rows: Sequence[PooledFigure]) -> look.PaperFigure:
     ax.tick_params(axis="y", length=0)
     ax.set_xlabel("θ̄ (° per cycle), 95 % interval; further left is better; n = trials")
     return figure
+
+
+def _short(text: str, most: int) -> str:
+    """Cut a long name where there is no room: its head and its end tell it from others."""
+    kept = look.drawable(text)
+    return kept if len(kept) <= most else f"{kept[: most - most // 3 - 1]}…{kept[-(most // 3) :]}"

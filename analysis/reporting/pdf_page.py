@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import textwrap
 from collections.abc import Sequence
 
 from matplotlib.backends.backend_pdf import PdfPages
@@ -21,7 +20,6 @@ WIDTH_IN = PAGE_IN[0] - 2 * MARGIN_IN
 """Room for text, inches."""
 WARNING, BAD, SCORE = "#8A5A00", "#B00020", "#9C4300"
 _LINE = 1.32  # line height over font size
-_CHARACTER = 0.55  # mean width of a character over font size, DejaVu Sans
 _CAPTION_IN = 0.12
 _MIN_PICTURES_IN = 4.8  # room for the tallest figure and its caption below the text, else they begin a page
 
@@ -63,7 +61,7 @@ class PageSetter:
         self, text: str, size: float = 8.5, *, colour: str = look.INK, indent_in: float = 0.0, weight: str = "normal"
     ) -> None:
         """Set a paragraph, wrapped."""
-        for line in _wrapped(text, WIDTH_IN - indent_in, size, bold=weight == "bold"):
+        for line in look.wrapped(text, WIDTH_IN - indent_in, size, bold=weight == "bold"):
             height = size * _LINE / 72
             self.room(height)
             self._y -= height
@@ -105,12 +103,14 @@ class PageSetter:
         """
         for number, row in enumerate(rows):
             bold = head and number == 0
-            cells = [_wrapped(cell, width - 0.06, size, bold=bold) for cell, width in zip(row, widths_in, strict=True)]
+            cells = [
+                look.wrapped(cell, width - 0.06, size, bold=bold) for cell, width in zip(row, widths_in, strict=True)
+            ]
             height = _height(cells, size)
             if self._figure is None or self._y - height < MARGIN_IN:
                 self.feed()
                 if head and number > 0:
-                    self._row([_wrapped(cell, 9, size) for cell in rows[0]], widths_in, size, "bold", left_in, {})
+                    self._row([look.wrapped(cell, 9, size) for cell in rows[0]], widths_in, size, "bold", left_in, {})
             self._row(cells, widths_in, size, "bold" if bold else "normal", left_in, colours or {})
 
     def beside(
@@ -126,7 +126,7 @@ class PageSetter:
             sum(
                 0.4
                 + sum(
-                    _height([_wrapped(c, w - 0.06, size) for c, w in zip(row, widths_in, strict=True)], size)
+                    _height([look.wrapped(c, w - 0.06, size) for c, w in zip(row, widths_in, strict=True)], size)
                     for row in rows
                 )
                 for _, rows in side
@@ -172,7 +172,7 @@ class PageSetter:
         for figure in figures:
             image = imread(io.BytesIO(figure.files["png"]))
             height = image.shape[0] / look.PNG_DPI
-            caption = _wrapped(figure.caption, look.COLUMN_IN - 0.1, 6.5)
+            caption = look.wrapped(figure.caption, look.COLUMN_IN - 0.1, 6.5)
             needed = height + _CAPTION_IN * len(caption) + 0.25
             column = 0 if tops[0] >= tops[1] else 1
             if tops[column] - needed < MARGIN_IN:
@@ -224,12 +224,6 @@ class PageSetter:
         ax = self._figure.add_axes(place)
         ax.imshow(image, aspect="auto", interpolation="none")  # type: ignore[arg-type]
         ax.set_axis_off()
-
-
-def _wrapped(text: str, width_in: float, size: float, *, bold: bool = False) -> list[str]:
-    width = max(int(width_in * 72 / (size * _CHARACTER * (1.12 if bold else 1.0))), 4)
-    lines = look.drawable(text).split("\n")
-    return [part for line in lines for part in textwrap.wrap(line, width, break_long_words=True) or [""]]
 
 
 def _height(cells: Sequence[Sequence[str]], size: float) -> float:

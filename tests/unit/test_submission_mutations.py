@@ -3,13 +3,17 @@
 import csv
 import io
 import json
+import os
 import random
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 import host.verification
-from analysis.reporting.bundle import MANIFEST, manifest_text, read_bundle
+from analysis.reporting.bundle import MANIFEST, bundle_bytes, manifest_text, read_bundle
 from analysis.writers.series_csv import csv_text
 from host.cards import parse_cards
 from host.cli import main
@@ -223,15 +227,26 @@ def test_a_manifest_in_another_order_is_found(undrawn):
     assert found == (f"{MANIFEST} is not written as rotdrift writes it: it was altered",)
 
 
-def test_the_commands_make_and_verify_a_complete_bundle(sources, tmp_path, capsys, monkeypatch, drawn):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "0.csv").write_bytes(sources[0].data)
-    (tmp_path / "0.toml").write_text(CARDS.format(motion="roll"))
-    assert main(["report", "0.csv", "--out", "s.zip"]) == 0
-    assert main(["report", "0.csv", "--out", "s.zip"]) == 4
-    files = read_bundle(tmp_path / "s.zip")
-    assert {name: files[name] for name in drawn.files} == drawn.files
+def test_the_command_makes_the_same_bytes_in_another_folder_zone_locale_and_mask(sources, tmp_path, capsys, drawn):
+    (tmp_path / "far" / "away").mkdir(parents=True)
+    (tmp_path / "far" / "0.csv").write_bytes(sources[0].data)
+    (tmp_path / "far" / "0.toml").write_text(CARDS.format(motion="roll"))
+    setting = {"TZ": "Asia/Kathmandu", "LC_ALL": "C", "PYTHONHASHSEED": "7", "PYTHONIOENCODING": "ascii:strict"}
+    done = subprocess.run(
+        [sys.executable, "-m", "rotdrift", "report", "../0.csv", "--out", "s.zip"],
+        cwd=tmp_path / "far" / "away",
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), **setting},
+        umask=0o077,
+        capture_output=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    bundle = tmp_path / "far" / "away" / "s.zip"
+    assert bundle.read_bytes() == bundle_bytes(drawn.files)
+    files = read_bundle(bundle)
     assert {"report.html", "report.pdf", "CITATION.txt", "summary.tex", "figures/summary.svg"} <= set(files)
     assert sum(name.endswith((".png", ".svg", ".pdf")) for name in files) == 1 + 3 + 3 * 7
-    assert main(["verify", "s.zip", "--no-drawings"]) == 0
+    assert main(["report", str(tmp_path / "far" / "0.csv"), "--out", str(bundle)]) == 4
+    assert main(["verify", str(bundle), "--no-drawings"]) == 0
     assert "equal as far as compared" in capsys.readouterr().out

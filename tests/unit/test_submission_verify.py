@@ -4,14 +4,17 @@ import json
 import tomllib
 
 import pytest
+from msgspec import structs
 
 from analysis.reporting.bundle import MANIFEST, bundle_bytes, manifest_text
+from analysis.writers import write_series
 from analysis.writers.series_csv import csv_text
 from host.cards import Cards, parse_cards
-from host.errors import FileError
+from host.errors import FileError, UsageError
 from host.submission import build_submission, made_with
 from host.submission_format import parse_submission, submission_schema
-from host.submission_source import Choices, TrialSource
+from host.submission_source import Choices, TrialSource, load_source
+from host.trial_labels import trial_labels
 from host.verification import verify_bundle
 from tests.scored_trials import scored
 
@@ -102,6 +105,52 @@ def test_the_summary_stands_in_three_languages(files):
 def test_recordings_of_which_nothing_is_known_are_not_pooled():
     built = build_submission([source("a.csv", Cards()), source("b.csv", Cards(), seed=1)], drawings=False)
     assert [row.n_trials for row in built.submission.summary] == [1, 1]
+
+
+def test_the_same_recording_twice_is_refused():
+    with pytest.raises(UsageError, match=r"a\.csv and b\.csv are the same recording"):
+        build_submission([source("a.csv"), source("b.csv")], drawings=False)
+
+
+def test_a_ros_2_bag_is_a_recording_too(tmp_path):
+    pytest.importorskip("rosbags", reason="rosbags is not installed")
+    series, _ = scored(cycles=5, slip_deg=0.0)
+    write_series(series, tmp_path / "roll", "ros2")
+    bag = load_source(tmp_path / "roll", CARDS, Choices())
+    assert bag.n_bytes == sum(place.stat().st_size for place in (tmp_path / "roll").iterdir())
+    built = build_submission([bag], drawings=False)
+    (trial,) = built.submission.trials
+    assert trial.theta_bar_deg == pytest.approx(0.8, abs=0.05)
+    assert f"trials/{trial.id}/raw/roll/metadata.yaml" in built.files
+    assert verify_bundle(pack(tmp_path / "a.zip", built.files), drawings=False).equal
+    (tmp_path / "roll" / "link").symlink_to("/etc/passwd")
+    with pytest.raises(UsageError, match="does not belong in a ROS 2 bag"):
+        load_source(tmp_path / "roll", CARDS, Choices())
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(UsageError, match=r"without metadata\.yaml"):
+        load_source(tmp_path / "empty", CARDS, Choices())
+
+
+def changed(table, **values):
+    return structs.replace(CARDS, **{table: structs.replace(getattr(CARDS, table), **values)})
+
+
+def test_only_trials_whose_cards_agree_are_repeats():
+    rough = changed("object", surface="rough")
+    closed = changed("hand", control_mode="closed loop")
+    twin = changed("trial", comments="another day")
+    labels = trial_labels([CARDS, rough, closed, twin], ["a", "b", "c", "d"])
+    thing = "cube 60 × 60 × 60 mm"
+    assert labels == [
+        ("T42 (open loop)", f"{thing} (smooth, 100 % & <b>)", "roll"),
+        ("T42", f"{thing} (rough)", "roll"),
+        ("T42 (closed loop)", f"{thing} (smooth, 100 % & <b>)", "roll"),
+        ("T42 (open loop)", f"{thing} (smooth, 100 % & <b>)", "roll"),
+    ]
+    # Other set points for another motion are no other hand.
+    other = structs.replace(changed("hand", set_points="both"), trial=structs.replace(CARDS.trial, motion="pitch"))
+    assert [hand for hand, _, _ in trial_labels([CARDS, other], ["a", "b"])] == ["T42", "T42"]
+    assert len(set(trial_labels([Cards(), Cards()], ["a", "b"]))) == 2
 
 
 def test_an_untouched_bundle_is_equal(files, tmp_path):
