@@ -80,7 +80,7 @@ def _line(row: CycleRow, longest_deg: float, columns: _Columns, look: Look) -> T
         parts.append(f"{_angle(row.theta_bar_deg, look):>{_THETA}}")
     if columns.axis:
         places = 2 if columns.axis == _WIDE_AXIS else 1
-        axis = "" if row.step_axis is None else " ".join(f"{part:+.{places}f}" for part in row.step_axis)
+        axis = "" if row.step_axis is None else look.vector(row.step_axis, places)
         parts.append((f"  {axis:{columns.axis - 2}}", "quiet"))
     if row.excluded:
         parts.append((f" left out: {row.excluded}", "doubtful"))

@@ -80,6 +80,10 @@ class Look:
             return text
         return text.translate(_ASCII).encode("ascii", "replace").decode()
 
+    def vector(self, parts: Sequence[float], places: int) -> str:
+        """Write the parts of a vector with their signs; what rounds to nothing is +0."""
+        return " ".join(f"{round(part, places) + 0.0:+.{places}f}" for part in parts)
+
     def text(self, text: str, meaning: str = "plain") -> Text:
         """Make a text of one meaning."""
         return Text(self.words(text), style=self.styles[meaning], no_wrap=True, end="")

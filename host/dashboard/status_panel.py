@@ -54,7 +54,7 @@ def _motion(state: TrialState, look: Look) -> list[Part]:
     if motion.swing_deg is not None:
         parts.append(f"swing {_short(motion.swing_deg, 1)}°")
     if state.sensor.orientation_wxyz is not None:
-        parts.append(("q " + " ".join(f"{part:+.2f}" for part in state.sensor.orientation_wxyz), "quiet"))
+        parts.append((f"q {look.vector(state.sensor.orientation_wxyz, 2)}", "quiet"))
     return parts
 
 

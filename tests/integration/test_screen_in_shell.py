@@ -112,3 +112,21 @@ def test_a_closed_window_ends_the_capture_in_order(tmp_path, virtual):
     assert result["capture"]["ended"] == "stopped by the operator"
     assert result["theta_bar_deg"] == pytest.approx(0.4, abs=0.01)
     assert result["losses"]["missing"] == 0
+
+
+def test_a_pulled_cable_is_seen_and_its_return_counted(tmp_path):
+    cut = '[[faults.at]]\nkind = "unplug"\nat_s = 3.0\nfor_s = 2.5\n'
+    recording = tmp_path / "trial.mcap"
+    with VirtualObjectProcess(quick_scenario(tmp_path, device=cut)) as virtual:
+        terminal = Terminal(["capture", virtual.link, "--out", recording], tmp_path)
+        terminal.wait_for("0 reconnects")
+        terminal.wait_for("DISCONNECTED")
+        terminal.wait_for("ALARM link: nothing has come for")
+        terminal.wait_for("1 reconnect ")
+        seen = terminal.wait_for("the link was lost and is open again")
+        assert "DISCONNECTED" not in seen
+        assert "0 reconnects" not in seen
+        terminal.press("q")
+        terminal.finish()
+        assert terminal.modes() == terminal.modes_before
+    assert json.loads(recording.with_suffix(".json").read_text())["link"]["reconnects"] == 1
