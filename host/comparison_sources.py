@@ -77,7 +77,14 @@ def _from_submission(name: str, submission: Submission) -> ComparedSource:
         )
         for trial in submission.trials
     )
-    note = "" if submission.complete else "the submission is incomplete: its cards lack required fields"
+    notes = [] if submission.complete else ["the submission is incomplete: its cards lack required fields"]
+    unknown = sum(trial.valid and trial.sensor_per_cycle_deg is None for trial in submission.trials)
+    if unknown:
+        notes.append(
+            f"{unknown} of {len(trials)} trials without a static baseline: what the sensor turns by itself is in "
+            "θ̄ and not in its interval"
+        )
+    note = "; ".join(notes)
     return ComparedSource(plain(name), tuple((plain(k), plain(v)) for k, v in rules.items()), trials, note)
 
 

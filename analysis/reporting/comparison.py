@@ -10,6 +10,14 @@ from analysis.reporting import figure_style as look
 from analysis.reporting.errors import ComparisonError
 from analysis.reporting.summary import PooledFigure, TrialFigure, pool
 
+MANY = 10
+"""From so many differences on it is said how many of them chance alone may call larger."""
+CRITERION = (
+    "A difference counts as larger than its uncertainty when it exceeds the root of the sum of squares of the two 95 % "
+    "half-widths that face each other (never narrower than Welch's interval)."
+)
+"""How differences are judged, for tables and pages."""
+
 
 @dataclass(frozen=True)
 class ComparedSource:
@@ -38,7 +46,11 @@ class Difference:
     difference_deg: float
     """θ̄ of one minus θ̄ of other, ≥ 0."""
     uncertainty_deg: float | None
-    """95 % half-width of the difference: root of the sum of squares of the half-widths that face each other."""
+    """95 % half-width of the difference: root of the sum of squares of the half-widths that face each other.
+
+    Source: the method of variance estimates recovery, G. Y. Zou and A. Donner, Statistics in Medicine 27 (2008) 1693.
+    For intervals of Student's t it is never narrower than Cochran's or Welch's: it errs on the side of "within".
+    """
 
     @property
     def larger(self) -> bool | None:
@@ -93,7 +105,14 @@ def compare(sources: Sequence[ComparedSource], *, mix: bool = False) -> Comparis
             several = len(keys[row.hand, row.object, row.motion]) > 1
             rows.append(replace(row, hand=f"{row.hand} [{source.name}]") if several else row)
     rows.sort(key=lambda row: (row.object, row.motion, row.hand))
-    return Comparison(tuple(rows), tuple(_differences(rows)), tuple(notes))
+    differences = _differences(rows)
+    known = sum(difference.larger is not None for difference in differences)
+    if known >= MANY:
+        notes.append(
+            f"{known} differences are judged, each at 95 %: where nothing differs at all, up to {round(0.05 * known)} "
+            "of them would still be called larger"
+        )
+    return Comparison(tuple(rows), tuple(differences), tuple(notes))
 
 
 def _mixed(sources: Sequence[ComparedSource]) -> list[str]:
@@ -122,11 +141,18 @@ def _differences(rows: Sequence[PooledFigure]) -> list[Difference]:
             assert less.mean_deg is not None
             uncertainty = None
             if more.interval_deg is not None and less.interval_deg is not None:
-                uncertainty = math.hypot(more.mean_deg - more.interval_deg[0], less.interval_deg[1] - less.mean_deg)
+                uncertainty = math.hypot(
+                    _half_below(more.mean_deg, more.interval_deg), less.interval_deg[1] - less.mean_deg
+                )
             found.append(
                 Difference(first.object, first.motion, more.hand, less.hand, more.mean_deg - less.mean_deg, uncertainty)
             )
     return found
+
+
+def _half_below(mean_deg: float, ends: tuple[float, float]) -> float:
+    """Half-width below a mean: an interval that was cut at 0 is as wide below as above, or wider."""
+    return max(mean_deg - ends[0], ends[1] - mean_deg)
 
 
 def compare_figures(rows: Sequence[PooledFigure], whole: Comparison) -> Comparison:

@@ -11,7 +11,7 @@ from typing import Any
 from markupsafe import Markup
 
 from analysis.reporting import figure_style as look
-from analysis.reporting.comparison import Comparison, compare_figures, difference_text, forest_figure
+from analysis.reporting.comparison import CRITERION, Comparison, compare_figures, difference_text, forest_figure
 from analysis.reporting.report import TEMPLATES, environment
 from analysis.reporting.summary import COLUMNS, PooledFigure, figure_cells, summary_csv, summary_latex, summary_markdown
 
@@ -67,6 +67,7 @@ def comparison_html(
             rows=rows,
             forest=f"data:image/svg+xml;base64,{picture}",
             differences=[difference_text(difference) for difference in comparison.differences],
+            criterion=CRITERION,
             version=version,
             home=home,
         )

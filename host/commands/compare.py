@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     FileError
         A file cannot be read or written.
     """
-    from analysis.reporting.comparison import compare, difference_text
+    from analysis.reporting.comparison import CRITERION, compare, difference_text
     from analysis.reporting.errors import ComparisonError
     from analysis.reporting.summary import summary_markdown
     from host.comparison_sources import load_sources
@@ -56,6 +56,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is None:
         lines = [summary_markdown(comparison.rows).rstrip("\n"), ""]
         lines += [difference_text(difference) for difference in comparison.differences]
+        lines += [CRITERION] if comparison.differences else []
         sys.stdout.write("\n".join([*lines, *comparison.notes]) + "\n")
         return 0
     files = _files(args.out, comparison)

@@ -4,6 +4,7 @@ import html.parser
 import json
 from typing import ClassVar
 
+import numpy as np
 import pytest
 
 from analysis.reporting import figure_style as look
@@ -52,6 +53,45 @@ def test_only_differences_beyond_their_uncertainty_are_called_larger():
     unknown = compare([source("s", trial("A", 1.0), trial("B", 5.0))]).differences[0]
     assert unknown.larger is None
     assert "not known" in difference_text(unknown)
+
+
+@pytest.mark.parametrize("counts", [(2, 2), (3, 8), (5, 5), (12, 4), (2, 30)])
+def test_a_difference_is_judged_no_bolder_than_by_welch(counts):
+    from scipy import stats
+
+    rng = np.random.default_rng(counts[0] * 100 + counts[1])
+    for scale in (0.05, 0.4):
+        repeats = [
+            rng.normal(mean, spread, n) for mean, spread, n in zip((9.0, 5.0), (scale, 0.2), counts, strict=True)
+        ]
+        trials = [trial(hand, float(value)) for hand, values in zip("AB", repeats, strict=True) for value in values]
+        (found,) = compare([source("s", *trials)]).differences
+        welch = stats.ttest_ind(*repeats, equal_var=False).confidence_interval(0.95)
+        assert found.difference_deg == pytest.approx(repeats[0].mean() - repeats[1].mean())
+        assert found.uncertainty_deg >= 0.5 * (welch.high - welch.low) * (1 - 1e-12)
+        halves = [stats.t.ppf(0.975, len(r) - 1) * stats.sem(r) for r in repeats]
+        # The lower end is cut at 0, the uncertainty is not.
+        assert found.uncertainty_deg == pytest.approx(np.hypot(*halves))
+
+
+def test_with_many_repeats_it_is_the_textbook_interval():
+    rng = np.random.default_rng(1)
+    repeats = [rng.normal(mean, 0.3, 2000) for mean in (3.0, 2.0)]
+    trials = [trial(hand, float(value)) for hand, values in zip("AB", repeats, strict=True) for value in values]
+    (found,) = compare([source("s", *trials)]).differences
+    assert found.uncertainty_deg == pytest.approx(1.96 * 0.3 * (2 / 2000) ** 0.5, rel=0.05)
+
+
+def test_an_interval_cut_at_zero_does_not_make_the_uncertainty_small():
+    (found,) = compare([source("s", trial("A", 0.1, (0.0, 0.9)), trial("B", 0.0, (0.0, 0.05)))]).differences
+    assert found.uncertainty_deg == pytest.approx((0.8**2 + 0.05**2) ** 0.5)
+    assert not found.larger
+
+
+def test_of_many_differences_it_is_said_what_chance_does():
+    rows = [trial(f"hand {k}", 1.0 + k, (0.5 + k, 1.5 + k)) for k in range(7)]
+    assert "21 differences are judged" in compare([source("s", *rows)]).notes[-1]
+    assert compare([source("s", *rows[:3])]).notes == ()
 
 
 def test_other_objects_and_motions_are_not_compared():
