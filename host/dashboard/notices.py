@@ -77,7 +77,7 @@ def _alarm_lines(alarm: Alarm, look: Look, width: int) -> Lines:
     return [line, *(look.text(more) for more in rest[:1])]
 
 
-def bottom_line(view: View, state: TrialState, n_objects: int) -> Text:
+def bottom_line(view: View, state: TrialState, n_objects: int, width: int) -> Text:
     """Draw what is being typed, or the keys that mean something now."""
     look = view.look
     if view.prompt:
@@ -89,9 +89,23 @@ def bottom_line(view: View, state: TrialState, n_objects: int) -> Text:
         line.append_text(look.join((f"PAUSED, the {'replay' if state.replayed else 'capture'} goes on ", "doubtful")))
     if view.message:
         line.append_text(look.join((f"{view.message} ", "accent")))
-    for key, name, _ in KEYS:
-        if (key != "f" or n_objects > 1) and not (state.replayed and key in EDITING):
-            line.append_text(look.join((f"{key}", "strong"), (f" {name}  ", "quiet")))
+    keys = [
+        (key, name)
+        for key, name, _ in KEYS
+        if (key != "f" or n_objects > 1) and not (state.replayed and key in EDITING)
+    ]
+    return line.append_text(_key_line(keys, look, width - line.cell_len))
+
+
+def _key_line(keys: list[tuple[str, str]], look: Look, width: int) -> Text:
+    """Name the keys; where there is little room closer together, then without their names but the last two."""
+    gap = 2 if sum(len(key) + len(name) + 3 for key, name in keys) - 2 <= width else 1
+    named = keys if sum(len(key) + len(name) + 2 for key, name in keys) - 1 <= width else keys[-2:]
+    line = Text(no_wrap=True, end="")
+    for key, name in keys:
+        told = f" {name}" if (key, name) in named else ""
+        line.append_text(look.join((key, "strong"), (f"{told}{' ' * gap}", "quiet")))
+    line.rstrip()
     return line
 
 
@@ -99,11 +113,11 @@ def help_lines(look: Look, width: int, height: int) -> Lines:
     """Draw the help."""
     lines = [look.join((f"{key:4}", "strong"), what) for key, _, what in KEYS]
     lines += [
-        look.join(("^Z  ", "strong"), "step aside: what was there before shows; the capture goes on; any key returns"),
+        look.join(("^Z  ", "strong"), "step aside: the old screen shows, the capture goes on; any key returns"),
         look.join(("^C  ", "strong"), "as q"),
         look.text(""),
-        look.text("Every key is an event in the recording; the score honours window and exclusions.", "quiet"),
-        look.text("Cycles that are left out stay in the recording and in the result, with their reason.", "quiet"),
+        look.text("Every key is an event of the recording; scores honour window and exclusions.", "quiet"),
+        look.text("What is left out stays in the recording and in the result, with its reason.", "quiet"),
         look.text("θ̄ is the angle of the average step; the interval says how far to trust it.", "quiet"),
     ]
     return framed(lines, "keys", width, height, look, "accent")

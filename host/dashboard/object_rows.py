@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from host.dashboard.boxes import Lines
-from host.dashboard.look import Look
+from host.dashboard.look import Look, Part
 from host.trial_state import TrialState
 
 MAX_OBJECTS = 16
 """More lines than this are not shown; the focus still reaches every object."""
 
 
-def object_rows(states: tuple[TrialState, ...], focus: int, look: Look, height: int) -> Lines:
+def object_rows(states: tuple[TrialState, ...], focus: int, look: Look, width: int, height: int) -> Lines:
     """Draw a line per object; nothing where there is only one.
 
     Parameters
@@ -21,6 +21,8 @@ def object_rows(states: tuple[TrialState, ...], focus: int, look: Look, height: 
         Which of them is shown whole.
     look : Look
         Colours and characters.
+    width : int
+        Of the line: what does not fit is left out.
     height : int
         How many lines there may be; the one in focus is among them.
     """
@@ -39,9 +41,11 @@ def object_rows(states: tuple[TrialState, ...], focus: int, look: Look, height: 
         line = look.join(
             (f"{sign} {index + 1:2} ", "strong" if index == focus else "plain"),
             f"{name[:16]:16} θ̄ {theta}° {state.n_cycles:4} cycles {rate:>8}  ",
-            (f"ALARM {trouble}  " if trouble else "", "bad"),
-            f"{state.motion.phase}  ",
-            (state.link.name, "quiet"),
         )
-        lines.append(line)
+        parts: list[Part] = [
+            (f"ALARM {trouble}" if trouble else "", "bad"),
+            "finished" if state.finished else state.motion.phase,
+            (state.link.name, "quiet"),
+        ]
+        lines.append(line.append_text(look.listed(parts, width - line.cell_len)))
     return lines
