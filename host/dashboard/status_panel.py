@@ -26,7 +26,7 @@ def status_panel(state: TrialState, look: Look, width: int) -> Lines:
     rows = (
         ("motion", _motion(state, look)),
         ("sensor", _sensor(state)),
-        ("link", _link(state)),
+        ("link", _link(state, room)),
         ("clock", _clock(state)),
         ("losses", _losses(state)),
         ("recording", _recording(state, room)),
@@ -80,7 +80,7 @@ def _sensor(state: TrialState) -> list[Part]:
     return parts
 
 
-def _link(state: TrialState) -> list[Part]:
+def _link(state: TrialState, room: int) -> list[Part]:
     link = state.link
     rate = "- Hz" if link.rate_hz is None else f"{link.rate_hz:.1f} Hz"
     expected = "" if link.expected_rate_hz is None else f" of {link.expected_rate_hz:.0f}"
@@ -102,7 +102,7 @@ def _link(state: TrialState) -> list[Part]:
         parts.append((link.segment_reason if n == 1 else _counted(n, "reset"), "doubtful"))
     if link.one_way:
         parts.append(("does not answer", "doubtful"))
-    parts.append((link.name, "quiet"))
+    parts.append((_end_of(link.name, max(12, room - len("1000.0 Hz of 1000 · 10 reconnects · "))), "quiet"))
     return parts
 
 
@@ -156,17 +156,17 @@ def _recording(state: TrialState, room: int) -> list[Part]:
         free = f"{recording.free_bytes / 1e9:.1f} GB free"
         parts.append((free, "bad" if low else "plain"))
         used += 3 + len(free)
-    parts.append((_path_end(recording.path, max(12, room - used - 3)), "quiet"))
+    parts.append((_end_of(recording.path, max(12, room - used - 3)), "quiet"))
     return parts
 
 
-def _path_end(path: str, width: int) -> str:
-    """Shorten a path at its begin: what tells recordings apart is the end."""
-    if cell_len(path) <= width:
-        return path
-    while path and cell_len(path) > width - 1:
-        path = path[1:]
-    return f"…{path}"
+def _end_of(name: str, width: int) -> str:
+    """Shorten a path or URI at its begin: what tells one from another is the end."""
+    if cell_len(name) <= width:
+        return name
+    while name and cell_len(name) > width - 1:
+        name = name[1:]
+    return f"…{name}"
 
 
 def _short(value: float, places: int = 2) -> str:

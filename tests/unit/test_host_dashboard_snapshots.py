@@ -45,3 +45,28 @@ def test_more_cycles_than_fit_show_the_newest():
     text = "\n".join(line.plain for line in picture((state,), View(), 80, 24))
     assert "   299 " in text
     assert "   200 " not in text
+
+
+def test_long_names_keep_their_end():
+    state = replace(
+        RUNNING,
+        link=replace(RUNNING.link, name="can:udp_multicast:239.74.163.77?bitrate=500000&node=3"),
+        recording=replace(RUNNING.recording, path="/home/somebody/" + "folder/" * 12 + "cube_roll.mcap"),
+    )
+    lines = [line.plain for line in picture((state,), View(), 80, 24)]
+    link, recording = (next(line for line in lines if line[2:].startswith(name)) for name in ("link", "recording"))
+    assert link.rstrip(" │").endswith("&node=3")
+    assert recording.rstrip(" │").endswith("/cube_roll.mcap")
+
+
+def test_what_is_remembered_of_a_drawing_follows_its_state():
+    """The same cycles drawn again are taken from memory; another size, look or origin is not."""
+    first = picture((RUNNING,), View(), 120, 36)
+    changed = replace(RUNNING, origin_wxyz=RUNNING.cycles[5].quat_wxyz)
+    assert [line.plain for line in picture((changed,), View(), 120, 36)] != [line.plain for line in first]
+    for size in ((120, 36), (119, 36), (120, 36), (80, 24)):
+        for look in (Look(), Look(ascii_only=True), Look(light=True)):
+            fresh = replace(RUNNING, cycles=(*RUNNING.cycles,))
+            assert fresh.cycles is not RUNNING.cycles
+            again = picture((RUNNING,), View(look=look), *size)
+            assert again == picture((fresh,), View(look=look), *size)
