@@ -142,7 +142,7 @@ def write_chunks(messages: Iterable[can.Message], file: IO[bytes]) -> None:
 
 def _blf_chunks(path: Path, damage: list[str]) -> Iterator[FrameChunk]:
     limit_s = max(BLF_LEAST_SECONDS, BLF_SECONDS_PER_MB * path.stat().st_size / 1e6)
-    command = [sys.executable, "-m", "host.transports.blf_process", str(path)]
+    command = [sys.executable, "-P", "-m", "host.transports.blf_process", str(path)]
     with tempfile.TemporaryFile() as output:
         try:
             done = subprocess.run(  # noqa: S603 - our own module

@@ -124,6 +124,17 @@ def test_a_blf_reader_that_never_ends_is_stopped(
         read_can_log(path)
 
 
+def test_a_blf_is_read_in_a_folder_with_a_module_that_is_called_like_ours(
+    frames: list[CanFrame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_log(tmp_path / "sound.blf", frames[:800])
+    (tmp_path / "host.py").touch()
+    monkeypatch.chdir(tmp_path)
+    log = read_can_log(path)
+    assert log.damage == ()
+    assert log.chunks
+
+
 def test_other_files_are_no_can_logs(tmp_path: Path) -> None:
     for name, content in {
         "a.log": b"hello\n",
