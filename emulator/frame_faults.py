@@ -16,7 +16,7 @@ from emulator.faults import FaultLog, FaultSettings
 from firmware_protocol.codec import STREAMED
 from firmware_protocol.packets import PacketType
 
-__all__ = ["ByteFaults", "PacketFaults"]
+__all__ = ["ByteFaults", "PacketFaults", "byte_faults_in"]
 
 _PACKET_STREAM, _BYTE_STREAM = 51, 52
 _SAMPLE_TYPES = (PacketType.ORIENTATION, PacketType.RAW_IMU)
@@ -30,6 +30,12 @@ def _name(packet: bytes) -> dict[str, Any]:
     if packet_type in _SAMPLE_TYPES:
         return {"packet": packet_type.name, "sequence": int.from_bytes(packet[1:3], "little")}
     return {"packet": packet_type.name}
+
+
+def byte_faults_in(settings: FaultSettings) -> tuple[str, ...]:
+    """Return the names of the settings that damage bytes on the wire."""
+    names = ("bit_error_rate", "burst_probability", "truncate_probability", "garbage_probability")
+    return tuple(name for name in (*names, "garbage_before_bytes") if getattr(settings, name) > 0)
 
 
 class PacketFaults:

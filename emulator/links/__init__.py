@@ -35,6 +35,8 @@ _MODULES = {
 class Link(ABC):
     """One end of a wire; made closed, used as a context manager or between :meth:`open` and :meth:`close`."""
 
+    carries_damage: bool = False
+    """Whether damaged bytes reach the other end: CAN controllers find them by the checksum and send the frame again."""
     virtual_time: bool = False
     """True for a link without a live other end: the run then goes as fast as it can."""
 

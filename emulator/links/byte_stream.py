@@ -24,6 +24,8 @@ class ByteLink(Link):
     further packet is taken until it is gone: frames never mix.
     """
 
+    carries_damage = True
+
     def __init__(self) -> None:
         self.tamper: Tamper | None = None
         """Faults on the framed bytes."""

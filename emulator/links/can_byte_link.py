@@ -46,6 +46,8 @@ class CanByteLink(ByteLink):
         Frames given to the adapter while its channel was open.
     """
 
+    carries_damage = False  # the damage meant is that of the object's own line: the bus
+
     def prepare(self, address: CanAddress, adapter: Adapter) -> None:
         """Put the adapter in; to be called once by the subclass."""
         self.address = address

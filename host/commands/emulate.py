@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from emulator import EmulatorError, ScenarioError
     from emulator import LinkError as EmulatorLinkError
+    from emulator.frame_faults import byte_faults_in
     from emulator.links import open_link
     from emulator.runner import run as run_object
     from emulator.scenario import load_scenario, scenario_names
@@ -77,6 +78,12 @@ def run(args: argparse.Namespace) -> int:
         link = open_link(args.link)
     except (ScenarioError, EmulatorLinkError) as error:
         raise UsageError(str(error)) from error
+    without_effect = () if link.carries_damage else byte_faults_in(scenario.faults)
+    if without_effect:
+        sys.stderr.write(
+            f"note: {', '.join(without_effect)} of the scenario have no effect on CAN: its controllers find damaged "
+            "frames and send them again; to lose frames, set drop_probability\n"
+        )
     try:
         with StopSignals() as signals:
             live_faults = _faults_from_stdin() if args.faults_from_stdin else None

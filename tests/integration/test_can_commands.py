@@ -47,3 +47,16 @@ def test_an_object_at_rest_on_can_gives_a_static_baseline(
         assert main(["baseline", link, "--duration", "3", "--out", str(tmp_path / "imu.toml")]) == 0
     assert "heading drift" in capsys.readouterr().out
     assert "rate_deg_per_min" in tomllib.loads((tmp_path / "imu.toml").read_text())
+
+
+def test_damage_to_bytes_is_said_to_have_no_effect_on_can(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    truth = tmp_path / "truth.json"
+    link = f"can:slcan:pty:{tmp_path / 'object'}"
+    assert main(["emulate", "--scenario", "bad-cable", "--link", link, "--duration", "0.2", "--truth", str(truth)]) == 0
+    said = capsys.readouterr().err
+    assert said.startswith("note: bit_error_rate, burst_probability, truncate_probability, garbage_probability")
+    assert "no effect on CAN" in said
+    assert json.loads(truth.read_text())["frames_damaged"] == {}
+    serial = f"pty:{tmp_path / 'object'}"
+    assert main(["emulate", "--scenario", "bad-cable", "--link", serial, "--duration", "0.2"]) == 0
+    assert capsys.readouterr().err == ""
