@@ -74,8 +74,9 @@ class _ObjectScreen:
         del index  # ours is the one that counts
         self._shared.screen.update(state, self._index)
 
-    def cycle(self, row: CycleRow) -> None:
-        self._shared.screen.cycle(row)
+    def cycle(self, row: CycleRow, index: int | None = None) -> None:
+        del index
+        self._shared.screen.cycle(row, self._index)
 
     def say(self, sentence: str) -> None:
         self._shared.screen.say(f"object {self._index + 1}: {sentence}")

@@ -24,9 +24,12 @@ _JOB_SIGNALS = ("SIGTSTP", "SIGTTOU", "SIGTTIN")
 
 
 class Lines(Protocol):
-    """Tells of cycles in lines."""
+    """Tells of cycles and alarms in lines."""
 
-    def cycle(self, row: CycleRow) -> None:
+    def update(self, state: TrialState, index: int = 0) -> None:
+        """Tell of new alarms."""
+
+    def cycle(self, row: CycleRow, index: int | None = None) -> None:
         """Tell of a cycle."""
 
     def say(self, sentence: str) -> None:
@@ -94,16 +97,19 @@ class LiveScreen:
         threading.Thread(target=self._receive, name="rotdrift-keys", daemon=True).start()
 
     def update(self, state: TrialState, index: int = 0) -> None:
-        """Keep the state for the next picture."""
+        """Keep the state for the next picture; tell of alarms in lines when the screen has failed."""
+        if self._failed():
+            self._without.update(state, index)
+            return
         with self._changed:
             self._states[index] = state
             self._dirty = True
             self._changed.notify()
 
-    def cycle(self, row: CycleRow) -> None:
+    def cycle(self, row: CycleRow, index: int | None = None) -> None:
         """Ignore the cycle, for it is in the state; tell of it in a line when the screen has failed."""
         if self._failed():
-            self._without.cycle(row)
+            self._without.cycle(row, index)
 
     def say(self, sentence: str) -> None:
         """Keep the sentence for when the terminal is free again; the state's warnings show it meanwhile."""

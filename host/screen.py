@@ -30,8 +30,8 @@ class Screen(Protocol):
     def update(self, state: TrialState, index: int = 0) -> None:
         """Take the present state (of one of several objects); drawn when it is time."""
 
-    def cycle(self, row: CycleRow) -> None:
-        """Tell of a cycle."""
+    def cycle(self, row: CycleRow, index: int | None = None) -> None:
+        """Tell of a cycle; ``index`` says of which object, where there are several."""
 
     def say(self, sentence: str) -> None:
         """Tell a person something once."""
@@ -58,7 +58,7 @@ class QuietScreen:
     def update(self, state: TrialState, index: int = 0) -> None:
         """Ignore the state."""
 
-    def cycle(self, row: CycleRow) -> None:
+    def cycle(self, row: CycleRow, index: int | None = None) -> None:
         """Ignore the cycle."""
 
     def say(self, sentence: str) -> None:
@@ -79,7 +79,7 @@ class QuietScreen:
 
 
 class LineScreen:
-    """One plain line per cycle and sentence.
+    """One plain line per cycle, sentence and new alarm.
 
     Parameters
     ----------
@@ -89,16 +89,24 @@ class LineScreen:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
+        self._alarms: dict[int, set[str]] = {}
 
     def start(self) -> None:
         """Begin."""
 
     def update(self, state: TrialState, index: int = 0) -> None:
-        """Ignore the state: it is for screens."""
+        """Print alarms that have come up; the rest of a state is for screens."""
+        known = self._alarms.get(index, set())
+        self._alarms[index] = {alarm.kind for alarm in state.alarms}
+        whose = f"object {index + 1}  " if len(self._alarms) > 1 else ""
+        for alarm in state.alarms:
+            if alarm.kind not in known:
+                self._print(f"{whose}ALARM {alarm.kind}: {plain(alarm.sentence, 1000)}")
 
-    def cycle(self, row: CycleRow) -> None:
+    def cycle(self, row: CycleRow, index: int | None = None) -> None:
         """Print one line."""
-        parts = [f"cycle {row.number:3d}" if row.number else "start    ", f"{row.time_s:8.2f} s"]
+        parts = [] if index is None else [f"object {index + 1}"]
+        parts += [f"cycle {row.number:3d}" if row.number else "start    ", f"{row.time_s:8.2f} s"]
         if row.period_s is not None:
             parts.append(f"period {row.period_s:6.3f} s")
         if row.step_deg is not None:

@@ -130,3 +130,17 @@ def test_a_pulled_cable_is_seen_and_its_return_counted(tmp_path):
         terminal.finish()
         assert terminal.modes() == terminal.modes_before
     assert json.loads(recording.with_suffix(".json").read_text())["link"]["reconnects"] == 1
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks up the drawing process in /proc")
+def test_when_the_drawing_process_dies_the_capture_goes_on_in_lines(tmp_path, virtual):
+    recording = tmp_path / "trial.mcap"
+    terminal = Terminal(["capture", virtual.link, "--out", recording, "--cycles", 8], tmp_path)
+    terminal.wait_for("2 of 8 cycles")
+    (drawing,) = children(terminal.process.pid)
+    os.kill(drawing, signal.SIGKILL)
+    assert terminal.finish() == 0
+    assert terminal.modes() == terminal.modes_before
+    assert "the screen failed; the capture goes on with a line per cycle" in terminal.after
+    assert re.search(r"cycle   7 .* period .* step .* θ̄", terminal.after)
+    assert json.loads(recording.with_suffix(".json").read_text())["losses"]["missing"] == 0

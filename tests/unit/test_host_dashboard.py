@@ -1,6 +1,7 @@
 """The screen: fits, reads without colour, shows hostile names as text."""
 
 import io
+from dataclasses import replace
 
 import pytest
 from rich.cells import cell_len
@@ -10,7 +11,7 @@ from host.big_digits import big_text
 from host.dashboard import render
 from host.loss_ledger import LossReport
 from host.screen import LineScreen, QuietScreen, open_screen
-from host.trial_state import CycleRow, LinkView, MotionView, RecordingView, SensorView, TrialState
+from host.trial_state import Alarm, CycleRow, LinkView, MotionView, RecordingView, SensorView, TrialState
 
 
 def drawn(state, width=80, height=24, **options):
@@ -120,6 +121,20 @@ def test_lines_say_each_cycle_once():
     assert lines[0].startswith("start")
     assert "period  4.000 s  step   0.800°  θ̄   0.800°" in lines[2]
     assert lines[3] == "the [2Jend"
+
+
+def test_lines_tell_of_alarms_once_and_of_which_object():
+    stream = io.StringIO()
+    screen = LineScreen(stream)
+    up = replace(RUNNING, alarms=(Alarm("link", "nothing has come for 3 s"),))
+    for state in (RUNNING, up, up, RUNNING, up):
+        screen.update(state)
+    screen.update(up, 1)
+    screen.cycle(rows(1)[0], 1)
+    lines = stream.getvalue().splitlines()
+    assert lines[:2] == ["ALARM link: nothing has come for 3 s"] * 2
+    assert lines[2] == "object 2  ALARM link: nothing has come for 3 s"
+    assert lines[3].startswith("object 2  start")
 
 
 def test_a_reader_of_lines_that_went_away_does_not_end_the_capture():
