@@ -97,7 +97,7 @@ def _latency(topic: Topic, program: Path, quick: bool) -> None:
     n = 2000 if quick else 4000
     readers = {"C": [str(program), "read"], "ours": [sys.executable, "-c", _READER]}
     got: dict[str, list[list[float]]] = {name: [] for name in readers}
-    for _ in range(2 if quick else 6):
+    for _ in range(2 if quick else 5):
         for name, command in readers.items():
             result = _run_reader(program, command, n)
             assert result[0] == n, (name, result)
@@ -117,8 +117,8 @@ def _capture(topic: Topic, program: Path) -> None:
     """A whole ``rotdrift capture`` drawing on a terminal; a longer run minus a shorter one: without the start."""
     shares = []
     for _ in range(3):
-        used = [_captured_cpu(program, duration) for duration in (6, 16)]
-        shares.append(100.0 * (used[1] - used[0]) / 10.0)
+        used = [_captured_cpu(program, duration) for duration in (5, 14)]
+        shares.append(100.0 * (used[1] - used[0]) / 9.0)
     note = "recording, clock, online cycles, dashboard drawn"
     topic.rows.append(figure("capture with everything on", shares, "% of a core", note, 25.0, COST))
 
