@@ -21,6 +21,10 @@ def why_no_period(motion: Motion, period: Period | None, settings: CycleSettings
     seconds = 1.0 / motion.rate_hz
     net_deg = float(np.degrees(np.linalg.norm(motion.omega.sum(axis=0)) * seconds))
     path_deg = float(np.degrees(np.linalg.norm(motion.omega, axis=1).sum() * seconds))
+    turned_deg = np.degrees(np.cumsum(motion.omega, axis=0)) * seconds
+    range_deg = float(np.ptp(turned_deg, axis=0).max(initial=0.0))
+    if range_deg < settings.min_swing_deg:
+        return f"range of motion {range_deg:.2f}° in all, needs {settings.min_swing_deg}°: the object hardly moves"
     if net_deg > _ONE_WAY * path_deg:
         return f"one-way rotation: {net_deg:.0f}° of {path_deg:.0f}° turned in one direction"
     found = "none found" if period is None else f"autocorrelation {period.confidence:.2f} at {period.seconds:.2f} s"

@@ -99,7 +99,7 @@ def score_series(
     reasons = list(selection.reasons)
     points, left_out, not_found = _exclude(points, excluded)
     counted = len(points) - len(left_out)
-    if counted <= MIN_CYCLES and not any("fewer than" in reason for reason in reasons):
+    if counted <= MIN_CYCLES and not reasons:
         reasons.append(
             f"fewer than {MIN_CYCLES} cycles: {len(points)} end points, {MIN_CYCLES + 1} make {MIN_CYCLES} cycles"
             + (f", and {len(left_out)} cycles are left out" if left_out else "")

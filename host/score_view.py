@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
@@ -13,10 +12,11 @@ from rich.text import Text
 from analysis.as_published import PublishedDrift
 from analysis.trial_score import TrialScore
 from host.plain_text import plain
-from host.score_batch import BatchRow
 
 MAX_ROWS = 40
 """Longer tables show their beginning and their end."""
+MAX_LEFT_OUT = 4
+"""Turning points left out that are named; the result has all."""
 
 
 def render_score(score: TrialScore) -> RenderableType:
@@ -36,50 +36,6 @@ def render_score(score: TrialScore) -> RenderableType:
 def print_score(score: TrialScore, console: Console | None = None) -> None:
     """Print a result to standard output."""
     (console or Console(highlight=False, soft_wrap=False)).print(render_score(score))
-
-
-def render_batch(rows: Sequence[BatchRow]) -> RenderableType:
-    """Draw a table of many recordings, one line each, and below it why some have no score.
-
-    Parameters
-    ----------
-    rows : sequence of BatchRow
-        In the order to show.
-    """
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", pad_edge=False)
-    table.add_column("recording", overflow="fold")
-    for name in ("θ̄", "95 % interval", "cycles", "period", "other end", "flags", "notes"):
-        table.add_column(name, justify="right", no_wrap=True)
-    reasons = []
-    for row in rows:
-        name = plain(_tail(row.path), 200)
-        result = row.result or {}
-        for reason in (row.error,) if row.error else result.get("reasons", ()):
-            reasons.append(Text(f"{name}: {plain(str(reason), 300)}", style="yellow"))
-        theta = result.get("theta_bar_deg")
-        if theta is None:
-            table.add_row(Text(name), Text("no score", style="red"), *[""] * 6)
-            continue
-        interval = result.get("interval_deg")
-        other = (result.get("other_extreme") or {}).get("theta_bar_deg")
-        table.add_row(
-            Text(name),
-            Text(f"{theta:.3f}°", style="bold"),
-            "–" if interval is None else f"{interval[0]:.3f}° to {interval[1]:.3f}°",
-            str(result["n_endpoints"] - 1),
-            f"{result['period_s']:.2f} s",
-            "–" if other is None else f"{other:.3f}°",
-            str(sum(bool(flags) for flags in result.get("flags", ()))),
-            str(len(result.get("warnings", ()))),
-        )
-    scored = sum((row.result or {}).get("theta_bar_deg") is not None for row in rows)
-    summary = Text(f"\n{scored} of {len(rows)} recordings scored; `rotdrift score FILE` says more of one")
-    return Group(table, *reasons, summary)
-
-
-def _tail(path: Path) -> str:
-    """Name a file by its folder and name: enough to tell recordings apart."""
-    return str(Path(*path.parts[-2:]))
 
 
 def _headline(score: TrialScore) -> Text:
@@ -107,41 +63,80 @@ def _trust(score: TrialScore) -> Table:
 
 
 def _facts(score: TrialScore) -> Iterator[tuple[str, str]]:
-    n = len(score.endpoints)
-    motion = [f"{max(0, n - 1)} cycles ({n} end points)"]
-    if score.period_s is not None:
-        motion.append(f"period {score.period_s:.3f} s")
-    if score.cycles.swing_deg:
-        motion.append(f"swing {score.cycles.swing_deg:.1f}°")
-    yield "motion", ", ".join(motion)
+    yield "motion", ", ".join(_motion(score))
     if score.drift is not None:
         x, y, z = score.drift.axis
-        yield "drift axis", f"({x:+.3f}, {y:+.3f}, {z:+.3f}) in the world frame"
-    companions = score.companions
-    if companions is not None:
-        yield (
-            "steps",
-            f"mean {companions.mean_step_deg:.3f}°, median {companions.median_step_deg:.3f}°, "
-            f"scatter {companions.dispersion_deg:.3f}°, net rotation {companions.net_rotation_deg:.2f}°",
-        )
-        if companions.without_first_deg is not None and companions.without_last_deg is not None:
-            yield (
-                "without",
-                f"the first end point {companions.without_first_deg:.3f}°, the last {companions.without_last_deg:.3f}°",
-            )
-    if score.other is not None and score.other.drift is not None:
-        yield "other end", f"θ̄ {score.other.drift.theta_bar_deg:.3f}° at the other extreme of the motion"
+        share = "" if score.companions is None else f"; {score.companions.axis_share:.0%} of the stepping is along it"
+        yield "drift axis", f"({x:+.3f}, {y:+.3f}, {z:+.3f}) in the world frame{share}"
+    yield from _companions(score)
     if score.published is not None:
         yield "published", _published(score.published)
     if score.sensor is not None:
         yield "sensor", plain(score.sensor.note, 300)
     if score.losses is not None:
         yield "losses", _losses(score)
+    yield "window", _window(score)
     if score.automatic is not None:
         theta = score.automatic.theta_bar_deg
         found = "no score" if theta is None else f"θ̄ {theta:.3f}°"
         yield "automatic", f"{found} with {score.automatic.n_endpoints} end points found by the search"
-    yield "read as", plain(score.convention, 200)
+    yield "read as", plain("; ".join((score.convention, *score.notes)), 600)
+
+
+def _motion(score: TrialScore) -> Iterator[str]:
+    n, cycles = len(score.endpoints), score.cycles
+    yield f"{max(0, n - 1)} cycles ({n} end points)"
+    if score.period_s is not None:
+        yield f"period {score.period_s:.3f} s (confidence {cycles.period_confidence:.2f})"
+    if cycles.swing_deg:
+        yield f"swing {cycles.swing_deg:.1f}°"
+        yield f"{cycles.axis_share:.0%} of it about one axis"
+    if cycles.humps > 1:
+        yield f"{cycles.humps} humps a cycle"
+
+
+def _companions(score: TrialScore) -> Iterator[tuple[str, str]]:
+    found = score.companions
+    if found is None:
+        return
+    yield (
+        "steps",
+        f"mean {found.mean_step_deg:.3f}°, median {found.median_step_deg:.3f}°, scatter {found.dispersion_deg:.3f}°; "
+        f"top eigenvalue share {found.top_eigenvalue_share:.4f}",
+    )
+    yield (
+        "poses",
+        f"net rotation {found.net_rotation_deg:.2f}°, at most {found.max_excursion_deg:.2f}° from the first; "
+        f"slope {found.slope_deg_per_cycle:.3f}° per cycle",
+    )
+    if found.without_first_deg is not None and found.without_last_deg is not None:
+        text = f"the first end point {found.without_first_deg:.3f}°, the last {found.without_last_deg:.3f}°"
+        if found.leave_one_out_deg is not None:
+            text += ", any one step {:.3f}° to {:.3f}°".format(*found.leave_one_out_deg)
+        yield "θ̄ without", text
+    at = []
+    if score.other is not None and score.other.drift is not None:
+        at.append(f"the other extreme {score.other.drift.theta_bar_deg:.3f}°")
+    if score.phase is not None:
+        at.append(f"any phase {score.phase.theta_bar_deg.min():.3f}° to {score.phase.theta_bar_deg.max():.3f}°")
+    if at:
+        yield "θ̄ at", ", ".join(at)
+    if score.translation_drift_mm is not None:
+        yield "position", f"translation drift {score.translation_drift_mm:.3f} mm per cycle"
+
+
+def _window(score: TrialScore) -> str:
+    window = score.window
+    text = {"from-to": "as given", "endpoints": "end points as given"}.get(window.kind, window.kind)
+    if window.source:
+        text += f" by {plain(window.source, 80)}"
+    if window.from_s is not None and window.to_s is not None:
+        text += f", {window.from_s - score.start_s:.2f} s to {window.to_s - score.start_s:.2f} s"
+    if window.left_out:
+        left = "; ".join(f"{at - score.start_s:.2f} s, {reason}" for at, reason in window.left_out[:MAX_LEFT_OUT])
+        more = len(window.left_out) - MAX_LEFT_OUT
+        text += f"; left out: {plain(left, 400)}" + (f"; {more} more" if more > 0 else "")
+    return text
 
 
 def _published(published: PublishedDrift) -> str:

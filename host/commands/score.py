@@ -100,7 +100,7 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
 
     from host.errors import UsageError
     from host.score_batch import BatchRow, score_many
-    from host.score_view import render_batch
+    from host.score_table import print_batch
 
     for name, value in (("--endpoints", args.endpoints), ("--plot", args.plot), ("--preceding", args.preceding)):
         if value:
@@ -120,7 +120,7 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
         results = [{"file": str(row.path), "error": row.error, "result": row.result} for row in rows]
         sys.stdout.write(json.dumps({"results": results}, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
     else:
-        Console(highlight=False).print(render_batch(rows))
+        print_batch(rows)
     return max(row.exit_code for row in rows)
 
 
