@@ -24,7 +24,7 @@ class LiveObject:
         return json.loads(self._truth_path.read_text())
 
     def wait_for_fault(self, kind):
-        wait_for(lambda: self.truth()["fault_counts"].get(kind), what=f"fault {kind}")
+        wait_for(lambda: self.truth()["fault_counts"].get(kind), within_s=90.0, what=f"fault {kind}")
 
     def stop(self):
         self.process.terminate()

@@ -81,7 +81,7 @@ def test_every_fault_can_be_typed_and_the_truth_has_each(tmp_path):
         started("capture", virtual.link, "--cycles", 1000, "--out", recording) as capture,
     ):
         wait_for_line(capture, "cycle   3")
-        virtual.fault("rates for_s=3 " + " ".join(f"{name}={value}" for name, value in rates.items()))
+        virtual.fault("rates for_s=1.5 " + " ".join(f"{name}={value}" for name, value in rates.items()))
         for kind in whole + bytewise:
             virtual.wait_for_fault(kind)
         for group in GROUPS:
