@@ -176,7 +176,7 @@ class AlarmWatch:
             "swing",
             share < SWING_RAISE,
             share > SWING_CLEAR,
-            f"swing down from {self._widest_deg:.0f}° to {swing:.0f}°: is it slipping out of the hand?",
+            f"down from {self._widest_deg:.0f}° to {swing:.0f}°: is it slipping out of the hand?",
         )
 
     def _floor(self, state: TrialState) -> None:

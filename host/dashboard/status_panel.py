@@ -133,7 +133,7 @@ def _losses(state: TrialState) -> list[Part]:
         parts.append(
             (
                 f"{100 * losses.share:.2f} % missing: {losses.lost} lost, {losses.rejected} damaged, "
-                f"{losses.dropped} dropped by the object",
+                f"{losses.dropped} dropped",
                 "bad" if losses.share > LOSS_LIMIT else "doubtful",
             )
         )

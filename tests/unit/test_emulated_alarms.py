@@ -66,7 +66,7 @@ def test_an_ambiguous_axis():
 
 def test_a_shrinking_swing():
     log, _ = alarms_of(motion={**SECONDS, "cycles": 16, "amplitude_trend": -0.5})
-    when_s = only(log, "swing", r"swing down from 4\d° to 3\d°: is it slipping out of the hand\?")
+    when_s = only(log, "swing", r"down from 4\d° to 3\d°: is it slipping out of the hand\?")
     assert 6.0 < when_s < 16.0
 
 
