@@ -10,7 +10,7 @@ import numpy as np
 from analysis.scoring import score_series
 from benchmarks.measurement import COST, Curve, Topic, cpu_s, figure
 from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
-from benchmarks.scoring import long_series
+from benchmarks.scoring import PERIOD_S, RATE_HZ, long_series
 from firmware_protocol.stream import StreamDecoder
 from host.transports.chunks import Chunk
 from host.trial import Trial
@@ -62,13 +62,16 @@ def _decode(topic: Topic, quick: bool) -> None:
 
 def _score(topic: Topic, quick: bool) -> None:
     """Scoring recordings of 10^4 to 10^6.5 samples: the cycles grow with them."""
-    x, y = [], []
+    x, y, cycles, per_cycle = [], [], [], []
     for n in (10_000, 30_000, 100_000) if quick else (10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000):
         series = long_series(n)
         cost = [1e6 * cpu_s(lambda series=series: score_series(series)) / n for _ in range(3 if n < 10**6 else 1)]
         x.append(float(n))
         y.append(median(cost))
+        cycles.append(n / RATE_HZ / PERIOD_S)
+        per_cycle.append(median(cost) * RATE_HZ * PERIOD_S)
     _add(topic, "score", "samples", "µs/sample", x, y)
+    _add(topic, "score by cycles", "cycles", "µs/cycle", cycles, per_cycle)
 
 
 def _objects(topic: Topic, quick: bool) -> None:

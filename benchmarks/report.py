@@ -75,8 +75,10 @@ def plot(topics: list[Topic], path: Path) -> None:
 
     mpl.use("Agg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
-    goals = [row for topic in topics for row in topic.rows if row.goal and row.value > 0.0]
+    named = [(topic.title.partition(":")[0], row) for topic in topics for row in topic.rows]
+    goals = [(title, row) for title, row in named if row.goal and row.value > 0.0]
     groups: dict[tuple[str, str, str], list[tuple[str, tuple[float, ...], tuple[float, ...]]]] = {}
     for topic in topics:
         for curve in topic.curves:
@@ -87,13 +89,14 @@ def plot(topics: list[Topic], path: Path) -> None:
     figure = plt.figure(figsize=(11, height + 3.2 * (rows - 1)), layout="constrained")
     grid = figure.add_gridspec(rows, 2, height_ratios=[height, *[3.2] * (rows - 1)])
     axes = figure.add_subplot(grid[0, :])
-    shares = [row.goal / row.value if row.sense == COST else row.value / row.goal for row in goals if row.goal]
-    axes.barh(range(len(goals)), shares, color=["tab:green" if row.met else "tab:red" for row in goals])
+    shares = [row.goal / row.value if row.sense == COST else row.value / row.goal for _, row in goals if row.goal]
+    axes.barh(range(len(goals)), shares, color=["tab:green" if row.met else "tab:red" for _, row in goals])
     axes.axvline(1.0, color="black", linewidth=1)
-    axes.set_yticks(range(len(goals)), [row.name for row in goals], fontsize=8)
+    axes.set_yticks(range(len(goals)), [f"{title}: {row.name}" for title, row in goals], fontsize=8)
+    axes.set_ylim(-0.7, len(goals) - 0.3)
     axes.invert_yaxis()
     axes.set_xscale("log")
-    axes.set_xlabel("how often the goal is reached (1 = just)")
+    axes.set_xlabel("how many times over the goal is reached (1: just; green: met, red: missed)")
     for k, ((title, x_label, y_label), lines) in enumerate(groups.items()):
         axes = figure.add_subplot(grid[1 + k // 2, k % 2])
         for name, x, y in lines:
@@ -103,6 +106,7 @@ def plot(topics: list[Topic], path: Path) -> None:
             middle = (high * low) ** 0.5
             axes.set_ylim(middle / 5, middle * 5)
         axes.set(title=title, xlabel=x_label, ylabel=y_label)
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.3)
         axes.legend(fontsize=7)
     figure.savefig(path, dpi=110)
