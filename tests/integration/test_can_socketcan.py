@@ -27,7 +27,7 @@ CHECKS = [
     "interfaces_that_are_missing_or_down_are_told_at_once",
     "ports_lists_the_interfaces",
 ]
-LIMIT_S = 240
+LIMIT_S = 480
 
 
 def missing() -> str | None:

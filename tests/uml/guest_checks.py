@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import io
 import json
 import os
 import socket
@@ -27,6 +28,7 @@ from analysis.scoring import score_series
 from firmware_protocol.can_frames import FrameFlag
 from firmware_protocol.quantization import SMALLEST_THREE_MAX_ERROR_DEG
 from firmware_protocol.serial_framing import encode_frame
+from host.cli import main as rotdrift
 from host.errors import LinkError
 from host.recorded_trial import assemble
 from host.recording_reader import RecordingReader
@@ -36,7 +38,6 @@ from tests.can_link_run import finish, object_on, open_transport, over, receive
 from tests.can_traffic import joined
 from tests.emulated_packets import trial_packets
 
-ROTDRIFT = (sys.executable, "-m", "rotdrift")
 FINIT_MODULE = 313  # x86-64
 
 
@@ -147,14 +148,12 @@ def the_same_trial_by_capture_candump_and_canplayer() -> None:
 
 def two_objects_on_one_bus_are_captured_at_once() -> None:
     """As a user does it: one ``rotdrift capture`` with two links."""
-    bus, folder = "can:socketcan:vcan0", Path(tempfile.mkdtemp())
-    out = folder / "capture.json"
-    with object_on(f"{bus}?node=3", "fast"), object_on(f"{bus}?node=4", "fast"):
-        words = [f"{bus}?node=3", f"{bus}?node=4", "--cycles", "4", "--out", str(folder / "both"), "--json"]
-        with out.open("w") as file:
-            done = subprocess.run([*ROTDRIFT, "capture", *words], timeout=120, stdout=file, check=False)
-        assert done.returncode == 0, out.read_text()
-    results = json.loads(out.read_text())["results"]
+    bus, folder, said = "can:socketcan:vcan0", Path(tempfile.mkdtemp()), io.StringIO()
+    links = [f"{bus}?node=3", f"{bus}?node=4"]
+    with object_on(links[0], "fast"), object_on(links[1], "fast"), contextlib.redirect_stdout(said):
+        code = rotdrift(["capture", *links, "--cycles", "4", "--out", str(folder / "both"), "--json"])
+    assert code == 0, said.getvalue()
+    results = json.loads(said.getvalue())["results"]
     for number, node in ((1, 3), (2, 4)):
         result = results[number - 1]["result"]
         assert result["valid"], result
