@@ -14,11 +14,15 @@ import sys
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from host.findings import Finding, Verdict, judged
 from host.plain_text import plain
 from host.transports.serial_listing import SerialPort
 from host.version import VERSION
+
+if TYPE_CHECKING:
+    from host.transports.can_listing import CanPort
 
 LIBRARIES = ("numpy", "scipy", "pyserial", "python-can", "mcap", "rich", "construct", "cobs", "matplotlib")
 DISK_BYTES = 16 * 2**20
@@ -128,6 +132,23 @@ def disk(folder: Path, n_bytes: int = DISK_BYTES) -> list[Finding]:
         path.unlink(missing_ok=True)
     mend = "record to another disk, not to a network or SD card"
     return [*found, judged("disk speed", f"{speed:.0f} MB/s written", good=speed >= MIN_DISK_MB_S, mend=mend)]
+
+
+def can_interfaces(ports: Iterable[CanPort]) -> list[Finding]:
+    """Name every CAN interface and adapter, and how to bring one up that is down.
+
+    Parameters
+    ----------
+    ports : iterable of CanPort
+        From :func:`host.transports.can_listing.list_can_ports`.
+    """
+    found = []
+    for port in ports:
+        name = port.link.rpartition(":")[2]
+        mend = f"`sudo ip link set {name} up type can bitrate 500000`" if port.state == "down" else ""
+        verdict = Verdict.INFO if port.state in ("", "down") else Verdict.OK
+        found.append(Finding(port.link, verdict, f"{port.description} {port.state}".strip(), mend))
+    return found
 
 
 def serial_ports(

@@ -43,14 +43,17 @@ def run(args: argparse.Namespace) -> int:
     from host.findings import Verdict
     from host.link_check import check_link
     from host.link_uri import parse_link_uri
-    from host.machine_check import clock_source, disk, serial_ports, versions
+    from host.machine_check import can_interfaces, clock_source, disk, serial_ports, versions
     from host.stop_signals import StopSignals
+    from host.transports.can_listing import list_can_ports
     from host.transports.serial_listing import list_serial_ports
 
     if not 0.5 <= args.seconds <= 3600:
         raise UsageError(f"{args.seconds:g} s is no time to listen", "give --seconds from 0.5 to 3600")
     link = None if args.link is None else str(parse_link_uri(args.link))
-    machine = [*versions(), *clock_source(), *disk(args.folder), *serial_ports(list_serial_ports())]
+    ports = list_serial_ports()
+    machine = [*versions(), *clock_source(), *disk(args.folder)]
+    machine += [*serial_ports(ports), *can_interfaces(list_can_ports(ports))]
     on_link: list[Finding] = []
     if link is not None:
         with StopSignals() as signals:

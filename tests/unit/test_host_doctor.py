@@ -10,6 +10,7 @@ from emulator.faults import FaultSettings
 from host import machine_check
 from host.findings import Finding, Verdict, judged
 from host.link_check import check_link
+from host.transports.can_listing import CanPort
 from host.transports.serial_listing import SerialPort
 from host.virtual_object_process import VirtualObjectProcess
 from tests.command_line import quick_scenario, rotdrift
@@ -151,3 +152,12 @@ def test_the_command_reports_a_live_link_and_its_exit_code(tmp_path):
     assert gone.returncode == 3
     assert "! link" in gone.stdout
     assert rotdrift("doctor", "--seconds", "0").returncode == 2
+
+
+def test_can_interfaces_are_named_and_one_that_is_down_says_how_to_bring_it_up():
+    up = CanPort("can:socketcan:can0", "SocketCAN interface", "up", True)
+    down = CanPort("can:socketcan:can1", "SocketCAN interface", "down", True)
+    findings = found(machine_check.can_interfaces([up, down]))
+    assert findings[up.link].verdict is Verdict.OK
+    assert findings[down.link].verdict is Verdict.INFO  # nobody asked for it
+    assert "ip link set can1 up" in findings[down.link].mend
