@@ -61,6 +61,6 @@ def _apart(
     for name, group, own in zip(names, within, values, strict=True):
         twins = [v for n, g, v in zip(names, within, values, strict=True) if (n, g) == (name, group)]
         differing = [label for label in labels if len({twin.get(label, "") for twin in twins}) > 1]
-        told = [own.get(label) or f"{label} not given" for label in differing]
+        told = [text for label in differing if (text := own.get(label) or f"{label} not given") != name]
         found.append(f"{name} ({', '.join(text[:MAX_TOLD] for text in told)})" if told else name)
     return found
