@@ -163,12 +163,19 @@ def record(
         The recording exists already or cannot be written.
     """
     transport = open_lasting(link, settings.reconnect_s)
+    interface = getattr(transport, "interface_name", "")
     if settings.debug_link is not None:
         transport = LinkLog(transport, settings.debug_link)
     try:
         wall_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
-        described = {"cycles": settings.cycles, "duration_s": settings.duration_s, "rate_hz": settings.session.rate_hz}
-        described["until_half_width_deg"] = settings.until_half_width_deg
+        described: dict[str, Any] = {
+            "cycles": settings.cycles,
+            "duration_s": settings.duration_s,
+            "rate_hz": settings.session.rate_hz,
+            "until_half_width_deg": settings.until_half_width_deg,
+        }
+        if interface:
+            described["interface"] = interface
         writer = RecordingWriter(recording_path, transport.name, wall_ns, monotonic_ns, described)
     except BaseException:
         transport.close()

@@ -75,6 +75,11 @@ class ReconnectingTransport(ClosingTransport):
         return self._inner.node
 
     @property
+    def interface_name(self) -> str:
+        """What the CAN interface calls itself; empty on other links."""
+        return str(getattr(self._inner, "interface_name", ""))
+
+    @property
     def problems(self) -> tuple[str, ...]:
         """What the link itself has to tell, and that it is away."""
         away = self._away

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -28,7 +30,9 @@ def test_two_objects_of_one_bus_are_captured_at_once_and_each_recording_scores_a
         assert captured["valid"], captured["reasons"]
         assert captured["losses"]["lost"] == 0
         recording = tmp_path / f"both-{number}.mcap"
-        frames = [frame for chunk in RecordingReader(recording).chunks() for frame in chunk.frames]
+        reader = RecordingReader(recording)
+        assert "Virtual bus channel" in reader.header.settings["interface"]
+        frames = [frame for chunk in reader.chunks() for frame in chunk.frames]
         assert {frame.arbitration_id & 31 for frame in frames} == {node}
         assert main(["score", str(recording), "--json"]) == 0
         scored = json.loads(capsys.readouterr().out)
@@ -60,3 +64,33 @@ def test_damage_to_bytes_is_said_to_have_no_effect_on_can(tmp_path: Path, capsys
     serial = f"pty:{tmp_path / 'object'}"
     assert main(["emulate", "--scenario", "bad-cable", "--link", serial, "--duration", "0.2"]) == 0
     assert capsys.readouterr().err == ""
+
+
+NAMESPACE = """
+set -e
+ip link set lo up
+ip route add 239.0.0.0/8 dev lo
+mkfifo "$1/ready"
+"$2" -m rotdrift emulate --scenario fast --link "$3" --duration 60 > "$1/ready" &
+object=$!
+read -r said < "$1/ready"
+"$2" -m rotdrift doctor "$3" --seconds 1 --json || [ $? = 1 ]
+kill $object
+"""
+
+
+def test_a_multicast_bus_works_in_a_network_namespace_of_its_own(tmp_path: Path) -> None:
+    pytest.importorskip("msgpack", reason="udp_multicast needs the extra rotdrift[multicast]")
+    script = tmp_path / "namespace.sh"
+    script.write_text(NAMESPACE)
+    link = "can:udp_multicast:239.74.163.2?node=6&fd=1"
+    try:
+        subprocess.run(["unshare", "-rn", "ip", "link", "set", "lo", "up"], check=True, capture_output=True, timeout=60)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("this system lets nobody make a network namespace")
+    words = ["unshare", "-rn", "sh", str(script), str(tmp_path), sys.executable, link]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    findings = {finding["topic"]: finding for finding in json.loads(done.stdout)}
+    assert findings["link"]["verdict"] == findings["object"]["verdict"] == "ok"
+    assert findings["losses"]["text"].startswith("0 of ")
