@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import NoReturn, Protocol, cast
 
 from host.commands import COMMANDS
-from host.errors import HostError
+from host.errors import HostError, unreadable
 from host.version import VERSION
 
 OWN_FAULT = 70
@@ -105,6 +105,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for stream in (sys.stdout, sys.stderr):  # nobody reads what is left; a capture's result is in its file
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
             return 0
+        if isinstance(error, OSError) and error.filename is not None:  # a name too long, a folder that has vanished
+            from host.plain_text import plain
+
+            refused = unreadable(plain(error.filename), error)
+            return _say(error, str(refused), refused.exit_code, args.debug)
         message = f"a fault of rotdrift itself ({type(error).__name__}: {error}): run again with --debug and report it"
         return _say(error, message, OWN_FAULT, args.debug)
     return code

@@ -90,6 +90,8 @@ def unreadable(path: object, error: OSError) -> FileError:
         return FileError(f"there is no file {path}", "check the path")
     if isinstance(error, IsADirectoryError):
         return FileError(f"{path} is a folder", "give a file in it")
+    if error.errno == errno.ENAMETOOLONG:
+        return FileError(f"{path} is too long a name", "check the path")
     mend = "take the right to read it" if isinstance(error, PermissionError) else "look at the disk it is on"
     return FileError(f"{path} cannot be read ({_reason(error)})", mend)
 

@@ -81,6 +81,8 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
     from host.errors import UsageError
     from host.submission_source import Choices, load_source
 
+    if not path.name:
+        raise UsageError(f"{path} has no name to file it under", "name the recording or the bag in full")
     choices = Choices(args.start, args.end, columns=args.columns, rate_hz=args.rate, topic=args.topic)
     beside = path.with_suffix(".endpoints.csv")
     try:
@@ -129,7 +131,10 @@ def _write(out: Path, built: BuiltSubmission) -> None:
 def _tell(out: Path, built: BuiltSubmission) -> None:
     from analysis.reporting.wording import degrees
 
-    lines = [f"wrote {out}: {len(built.submission.trials)} trials, {len(built.files) + 1} files"]
+    n = len(built.submission.trials)
+    alone = out.suffix.lower() in {".html", ".pdf"}
+    what = f"{n} trial{'s' if n > 1 else ''}" + ("" if alone else f", {len(built.files) + 1} files")
+    lines = [f"wrote {out}: {what}"]
     for trial in built.submission.trials:
         if trial.theta_bar_deg is not None:
             ends = ""

@@ -275,6 +275,29 @@ def test_what_the_system_refuses_is_a_sentence_with_a_mend(number, told):
     assert str(unreadable("x", OSError(number, os.strerror(number)))) == told
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["score", "LONG"],
+        ["verify", "LONG"],
+        ["compare", "LONG", "--out", "x.csv"],
+        ["baseline", "LONG"],
+        ["report", "x.mcap", "--out", "LONG"],
+        ["emulate", "--link", "tcp:0", "--truth", "LONG"],
+        ["capture", "replay:x.mcap", "--out", "LONG"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_name_too_long_for_the_system_is_one_sentence(run, arguments):
+    told = one_sentence(run(*("a" * 5000 if word == "LONG" else word for word in arguments)), 4)
+    assert len(told) < 400
+
+
+@pytest.mark.parametrize("name", [".", "/"])
+def test_a_report_of_what_has_no_name(run, name):
+    assert "name the recording" in one_sentence(run("report", name, "--out", "x.zip"), 2)
+
+
 def test_a_full_disk_wants_room():
     assert "make room" in str(unwritable("x", OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
     assert (
