@@ -203,7 +203,7 @@ def _named(trials: list[BuiltTrial]) -> list[BuiltTrial]:
         counts[stem] = counts.get(stem, 0) + 1
         name = f"{stem}--{counts[stem]:02d}"
         entry = msgspec.structs.replace(trial.entry, id=name)
-        provenance = (("files of this trial", f"trials/{name}/ in the submission"), *trial.report.provenance)
+        provenance = (("id of the trial", name), *trial.report.provenance)
         named.append(replace(trial, report=replace(trial.report, id=name, provenance=provenance), entry=entry))
     return named
 

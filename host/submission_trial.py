@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from analysis.reporting.result_view import number
 from analysis.reporting.trial_report import TrialReport
 from analysis.writers.parquet import parquet_bytes
 from analysis.writers.series_csv import csv_text, endpoints_csv_text
 from host.card_files import with_object
 from host.card_tables import card_tables, hand_name, motion_name, object_name
 from host.cards import Cards, card_values, missing_fields
+from host.operator_actions import EXCLUDE, INCLUDE, MARKER, NOTE, WINDOW_START, WINDOW_STOP
 from host.result import result_text
 from host.scored_recording import score_recording
 from host.steps_csv import steps_csv_text
@@ -69,7 +71,7 @@ def build_trial(source: TrialSource, *, parquet: bool = True) -> BuiltTrial:
         cards=card_tables(cards),
         comments=cards.trial.comments or "",
         missing=missing,
-        notes=(*notes, *[str(note) for note in recording.get("notes") or []]),
+        notes=(*notes, *[str(note) for note in recording.get("notes") or []], *_said_by_operator(result)),
         provenance=_provenance(source, result),
         losses=result.get("losses"),
     )
@@ -130,3 +132,15 @@ def _provenance(source: TrialSource, result: dict[str, Any]) -> tuple[tuple[str,
     if uri:
         rows.append(("link", str(uri)))
     return tuple(rows)
+
+
+def _said_by_operator(result: dict[str, Any]) -> tuple[str, ...]:
+    """Give markers, notes and edits of the operator as sentences; other keys of the screen change nothing."""
+    lines = []
+    for action in result.get("operator") or []:
+        if action.get("kind") in {MARKER, NOTE, WINDOW_START, WINDOW_STOP, EXCLUDE, INCLUDE}:
+            time_s = number(action.get("time_s"))
+            at = "" if time_s is None else f" at {time_s:.1f} s"
+            said = f": {action['text']}" if action.get("text") else ""
+            lines.append(f"operator, {action['kind']}{at}{said}")
+    return tuple(lines)

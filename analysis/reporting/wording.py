@@ -122,6 +122,11 @@ def cycle_rows(trial: TrialReport) -> list[tuple[str, ...]]:
         step = f"{steps[place - 1]:.3f}" if 0 < place <= len(steps) else ""
         dwell = number(point.get("dwell_s"))
         flags = [*(point.get("flags") or []), *([f"chosen: {point['reason']}"] if point.get("reason") else [])]
+        flags += [
+            f"step left out by the operator: {item.get('reason') or 'no reason given'}"
+            for item in trial.result.get("excluded_cycles") or []
+            if item.get("step") == place - 1
+        ]
         rows.append(
             (
                 str(place + 1),
@@ -167,6 +172,10 @@ def methods_text(trial: TrialReport) -> str:
             "ends are "
             "left out."
         )
+    excluded = [item for item in result.get("excluded_cycles") or [] if item.get("step", -1) >= 0]
+    if excluded:
+        named = ", ".join(f"cycle {item['step'] + 1} ({item.get('reason') or 'no reason given'})" for item in excluded)
+        sentences.append(f"The operator left out {named}; what was left out stays in the tables and the figures.")
     sentences.append(
         f"θ̄ follows the benchmark card {CARD_REFERENCE}: r_i = q_(i+1) ⊗ q_i⁻¹ between successive end points (world "
         "frame), their average as the eigenvector of the largest eigenvalue of Σ r_i r_iᵀ, and θ̄ as the "

@@ -13,7 +13,10 @@ from analysis.reporting.figure_set import draw_figures
 from analysis.reporting.interactive import BUNDLE, plotly_base64
 from analysis.reporting.report import report_html
 from analysis.reporting.report_pdf import report_pdf
-from tests.scored_trials import trial_report
+from analysis.reporting.wording import cycle_rows, methods_text
+from analysis.scoring import score_series
+from analysis.trial_score import ExcludedCycle
+from tests.scored_trials import scored, trial_report
 
 HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)>\"'{{7*7}} \x1b[31mred & <b>"
 
@@ -130,6 +133,17 @@ def test_a_trial_without_score_claims_none(trials, drawn):
     assert "θ̄ = " not in Reader(page).text[0]
     assert 'class="value"' not in page
     assert report_pdf([refused], title="x", version="0", drawn=drawn).startswith(b"%PDF")
+
+
+def test_cycles_left_out_by_a_person_are_said_with_the_reason(trials):
+    series, _ = scored(cycles=8, slip_cycle=4)
+    score = score_series(series)
+    found = [point.time_s for point in score.endpoints]
+    left_out = score_series(series, excluded=[ExcludedCycle(found[3], found[4], "slipped <b>hard</b>")])
+    report = replace(trials[0], series=series, result=json.loads(json.dumps(left_out.to_json())))
+    said = "The operator left out cycle 4 (slipped <b>hard</b>)"
+    assert said in methods_text(report)
+    assert [row[0] for row in cycle_rows(report) if "left out by the operator: slipped" in row[-1]] == ["5"]
 
 
 def test_the_shipped_plotly_is_the_one_its_licence_file_names():
