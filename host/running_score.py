@@ -20,6 +20,9 @@ MAX_ROWS = 200
 EVERY_CYCLE = 100
 """Up to so many end points the interval is computed at each; beyond, at every tenth."""
 OUTSIDE = "outside the trial window"
+MISSED = "cycles were missed"
+MISSED_PERIODS = 1.6
+"""A cycle so many times as long as usual, with samples missing in it, is several; as the offline search splits runs."""
 
 
 class RunningScore:
@@ -59,8 +62,17 @@ class RunningScore:
         needed = steps_needed(self.interval, self._target_deg)
         return None if needed is None else max(0, needed - self.interval.n_steps)
 
-    def enter(self, endpoint: Endpoint) -> CycleRow:
-        """Take an end point and give its row."""
+    def enter(self, endpoint: Endpoint, over_gap: bool = False) -> CycleRow:
+        """Take an end point and give its row.
+
+        Parameters
+        ----------
+        endpoint : Endpoint
+            The next.
+        over_gap : bool
+            Whether samples are missing since the one before. If more than a cycle went by, end points were missed, and
+            the step over them is no step: it does not count here. The offline search may find them yet.
+        """
         quat = np.asarray(endpoint.quat_wxyz, dtype=np.float64)
         number, time_s = len(self._quats), float(endpoint.time_s)
         period_s = step_deg = axis = None
@@ -69,6 +81,8 @@ class RunningScore:
             step_rad = float(np.linalg.norm(step))
             step_deg, axis = float(np.degrees(step_rad)), _axis(step, step_rad)
             period_s = time_s - self._times_s[-1]
+            if over_gap and number > 1 and period_s > MISSED_PERIODS * float(np.median(np.diff(self._times_s))):
+                self._left_out[number] = MISSED
         self._quats.append(quat)
         self._times_s.append(time_s)
         self._dwells_s.append(float(endpoint.dwell_s))

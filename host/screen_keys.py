@@ -20,7 +20,7 @@ class ScreenAction:
 
     kind: str
     """``marker``, ``note``, ``window``, ``exclude``, ``include``, ``finish``, ``focus``, ``pause``, ``resume``,
-    ``help``, ``aside``, or ``close`` once the trial is finished."""
+    ``help``, ``aside``, ``back``, or ``close`` once the trial is finished."""
     index: int = 0
     """Which of several objects."""
     text: str = ""
@@ -60,7 +60,7 @@ class KeyReader:
         actions: list[ScreenAction] = []
         if self.aside:
             self.aside = not (keys or pasted)
-            return actions
+            return [] if self.aside else [self._action("back")]
         if self.view.prompt and pasted:  # into a note, a paste goes as one line; elsewhere it means nothing
             typed = self.view.typed + plain(pasted, len(pasted) + 1)
             self.view = replace(self.view, typed=typed[:MAX_TYPED])

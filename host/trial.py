@@ -98,7 +98,7 @@ class Trial:
         self._recent: deque[tuple[float, npt.NDArray[np.float64]]] = deque(maxlen=64)
         self._peak = (-np.inf, 0.0)  # when the object turned fastest of late, and how fast, deg/s
         self._saturated_s = -np.inf
-        self._withdrawn = 0
+        self._withdrawn = self._runs = 0
         self._newest_s = 0.0
         self._last_block: SampleBlock | None = None
         self._sampled_ns: int | None = None  # when the last sample came, also one that has no place yet
@@ -240,7 +240,12 @@ class Trial:
         if withdrawn > self._withdrawn:
             self._withdrawn = withdrawn
             self.score.forget()
-        return [self.score.enter(endpoint) for endpoint in found]
+        rows = []
+        for endpoint in found:
+            # Several found at once lie in one run: only the first can have a gap before it.
+            rows.append(self.score.enter(endpoint, over_gap=self._detector.state.runs > self._runs > 0))
+            self._runs = self._detector.state.runs
+        return rows
 
     def _look_at_rate(self, time_s: float, quat: npt.NDArray[np.float64]) -> None:
         """Keep a pose now and then, and the fastest turn between two of them."""
