@@ -116,7 +116,7 @@ class OrientationSeries:
             raise SeriesError(f"accelerations {np.shape(self.accelerations_mps2)} do not fit {n} samples")
         if not np.isfinite(times_s).all():
             raise SeriesError(f"the time of sample {int(np.argmin(np.isfinite(times_s)))} is not a number")
-        if n > 1 and not (np.diff(times_s) > 0).all():
+        if not (times_s[1:] > times_s[:-1]).all():
             first = int(np.argmin(np.diff(times_s) > 0)) + 1
             raise SeriesError(f"time does not increase at sample {first} ({times_s[first]:.6f} s)")
         norms = _norms(quats)
@@ -129,7 +129,7 @@ class OrientationSeries:
         object.__setattr__(self, "times_s", times_s)
         # Dividing what is unit already would move the last bits: a copy of a series must be the same series.
         norms[np.abs(norms - 1.0) <= _UNIT_ROUNDING] = 1.0
-        object.__setattr__(self, "quats_wxyz", quats.copy() if (norms == 1.0).all() else quats / norms[:, None])
+        object.__setattr__(self, "quats_wxyz", quats if (norms == 1.0).all() else quats / norms[:, None])
         object.__setattr__(self, "index", index)
 
     def __len__(self) -> int:

@@ -174,13 +174,13 @@ class ClockUnwrapper:
         np.subtract(unwrapped, half, out=unwrapped)
         unwrapped[0] += self._newest_us
         np.cumsum(unwrapped, out=unwrapped)
-        newest_us = np.maximum(np.maximum.accumulate(unwrapped), self._newest_us)
+        forward = unwrapped[0] >= self._newest_us and bool((unwrapped[1:] >= unwrapped[:-1]).all())
+        newest_us = unwrapped if forward else np.maximum(np.maximum.accumulate(unwrapped), self._newest_us)
         # The prediction is off by no more than the delays differ. Half of what is explained leaves room for rounding.
         delay_us = 1e-3 * host_time_ns - unwrapped
         spread_us = max(float(delay_us.max()), self._delay_us) - min(float(delay_us.min()), self._delay_us)
-        if (
-            spread_us > 0.5e6 * min(settings.max_ahead_s, settings.max_latency_s)
-            or (newest_us - unwrapped).max() > 0.5e6 * settings.max_reorder_s
+        if spread_us > 0.5e6 * min(settings.max_ahead_s, settings.max_latency_s) or (
+            not forward and (newest_us - unwrapped).max() > 0.5e6 * settings.max_reorder_s
         ):
             return None
         lasts = np.append(np.flatnonzero(waits_ns[1:]), len(ticks) - 1)  # of each chunk

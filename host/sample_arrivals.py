@@ -29,7 +29,7 @@ class SampleArrivals:
     """Gathers device time and arrival of the samples of one recording."""
 
     def __init__(self) -> None:
-        self._ticks: list[IntArray] = []
+        self._ticks: list[npt.NDArray[np.uint32]] = []
         self._arrivals: list[IntArray] = []
         self._n = 0
         self._starts: list[int] = []
@@ -52,7 +52,7 @@ class SampleArrivals:
             When the chunk was received that completed each of its n samples; (1,) for any other packet.
         """
         if isinstance(item, OrientationBatch):
-            self._ticks.append(item.device_time_us.astype(np.int64))
+            self._ticks.append(item.device_time_us)
             self._arrivals.append(arrival_ns)
             self._n += len(item)
         elif isinstance(item, Info):
@@ -89,7 +89,7 @@ class SampleArrivals:
         """
         if not self._n:
             return None
-        ticks = np.concatenate(self._ticks)
+        ticks = np.concatenate(self._ticks).astype(np.int64)
         arrivals = np.maximum.accumulate(np.concatenate(self._arrivals))
         starts = np.array(self._starts, dtype=np.int64)
         step = 1 + (1 + int(np.count_nonzero(np.diff(arrivals)))) // MAX_CHUNKS

@@ -375,10 +375,10 @@ def series_of(blocks: list[SampleBlock], source: str, notes: Iterable[str] = ())
     index = np.concatenate([block.index for block in blocks])
     time_s = np.concatenate([block.time_s for block in blocks])
     quats = np.concatenate([block.quats_wxyz for block in blocks])
-    if len(index) > 1 and not (np.diff(index) > 0).all():
+    if not (index[1:] > index[:-1]).all():
         order = np.argsort(index, kind="stable")
         index, time_s, quats = index[order], time_s[order], quats[order]
-    if not (np.diff(time_s) > 0).all():
+    if not (time_s[1:] > time_s[:-1]).all():
         forward = time_s > np.concatenate(([-np.inf], np.maximum.accumulate(time_s)[:-1]))
         notes.append(f"{int((~forward).sum())} samples whose device time did not increase were left out")
         index, time_s, quats = index[forward], time_s[forward], quats[forward]

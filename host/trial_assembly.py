@@ -25,6 +25,8 @@ IntArray = npt.NDArray[np.int64]
 
 MAX_EVENTS = 10_000
 """More events than a hand can make are damage or a flood: the rest is not kept."""
+PART_SAMPLES = 1 << 14
+"""Samples taken together: what is worked out of them stays in the cache. Measured."""
 STRETCH_BYTES = 2**20
 """Single chunks are put end to end up to about so many bytes."""
 
@@ -79,13 +81,17 @@ class TrialAssembly:
 
     def _feed_stretch(self, stretch: RawStretch) -> None:
         for item, ends in self.link.feed_stretch(stretch.data):
-            places = np.searchsorted(stretch.stops, ends, side="right")
-            times_ns = stretch.host_time_ns[places]
-            self.arrivals.feed(item, times_ns)
-            if isinstance(item, OrientationBatch):
-                self._feed_samples(item, places, times_ns)
-            else:
-                self._feed_other(item, int(times_ns[0]))
+            for start in range(0, len(ends), PART_SAMPLES):
+                part = slice(start, start + PART_SAMPLES)
+                places = _places(stretch.stops, ends[part])
+                times_ns = stretch.host_time_ns[places]
+                if isinstance(item, OrientationBatch):
+                    batch = item if len(ends) <= PART_SAMPLES else _part(item, part)
+                    self.arrivals.feed(batch, times_ns)
+                    self._feed_samples(batch, places, times_ns)
+                else:
+                    self.arrivals.feed(item, times_ns)
+                    self._feed_other(item, int(times_ns[0]))
         self._waiting.clear()
         self._heard_ns = int(stretch.host_time_ns[-1])
 
@@ -144,6 +150,19 @@ class TrialAssembly:
         if not chunk.data:  # what was still held came before the cut
             self.assembler.reopened()
             self.reopened += 1
+
+
+def _places(stops: IntArray, ends: IntArray) -> IntArray:
+    """Tell in which chunk each packet ends: the first whose stop is behind it. Both arrays ascend."""
+    first, last = np.searchsorted(stops, ends[[0, -1]], side="right").tolist()
+    if last - first >= len(ends):
+        found: IntArray = np.searchsorted(stops, ends, side="right")
+        return found
+    # Fewer chunks than packets: look up the chunks.
+    bounds = np.searchsorted(ends, stops[first:last])
+    counts = np.diff(bounds, prepend=0, append=len(ends))
+    repeated: IntArray = np.repeat(np.arange(first, last + 1), counts)
+    return repeated
 
 
 def _part(batch: OrientationBatch, part: slice) -> OrientationBatch:
