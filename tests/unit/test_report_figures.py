@@ -39,10 +39,28 @@ def test_every_format_is_drawn_and_the_same_input_gives_the_same_bytes(trial):
             assert len(content) > 4000
 
 
-def test_a_trial_without_positions_has_all_figures_but_translation(trial):
+def test_a_trial_without_positions_has_all_figures_but_translation_and_no_setting_is_left_behind(trial):
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
     drawn = draw_figures(trial, ("png",))
+    assert dict(mpl.rcParams) == before
     assert [figure.name for figure in drawn] == [name for name in CAPTIONS if name != "translation_cloud"]
     assert all(figure.files["png"].startswith(b"\x89PNG") for figure in drawn)
+
+
+def test_the_end_points_of_every_body_axis_are_numbered(trial):
+    with look.style():
+        figure = make_figure(trial, "sphere")
+    panels = [ax for ax in figure.axes if ax.get_title().startswith("object ")]
+    assert [ax.get_title() for ax in panels] == ["object x", "object y", "object z"]
+    for number, ax in enumerate(panels):
+        assert {"1", str(trial.view.n_endpoints)} <= {text.get_text() for text in ax.texts}
+        # Degrees on the sphere: as far apart as the axis turned from the first to the last end point.
+        points = clouds_of(trial.series, trial.result).endpoint_axes[number]
+        turned = np.degrees(np.arccos(np.clip(points[0] @ points[-1], -1.0, 1.0)))
+        flat = ax.lines[0].get_xydata()
+        assert np.linalg.norm(flat[-1] - flat[0]) == pytest.approx(turned, rel=0.01)
 
 
 def test_positions_make_a_translation_cloud_in_mm(trial):
@@ -59,14 +77,6 @@ def test_positions_make_a_translation_cloud_in_mm(trial):
         from analysis.reporting.cloud_figures import translation_cloud_figure
 
         assert translation_cloud_figure(clouds) is not None
-
-
-def test_no_global_setting_is_left_behind(trial):
-    import matplotlib as mpl
-
-    before = dict(mpl.rcParams)
-    draw_figures(trial, ("png",))
-    assert dict(mpl.rcParams) == before
 
 
 def test_rotation_vectors_are_continuous_beyond_half_a_turn():
