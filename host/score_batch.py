@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -12,6 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from host.errors import FileError, HostError, UsageError
+from host.result import ScoreOptions
+from host.scored_recording import ReadOptions, score_recording
+from host.window_bounds import Window
 
 SUFFIXES = frozenset({".bag", ".csv", ".mcap", ".parquet", ".pq", ".tum", ".txt"})
 """What is taken from a folder; the format itself is recognised from the content."""
@@ -78,7 +80,12 @@ def _is_bag(path: Path) -> bool:
 
 
 def score_many(
-    paths: Iterable[Path], args: argparse.Namespace, told: Callable[[BatchRow], None], workers: int | None = None
+    paths: Iterable[Path],
+    told: Callable[[BatchRow], None],
+    options: ScoreOptions | None = None,
+    reading: ReadOptions | None = None,
+    window: Window | None = None,
+    workers: int | None = None,
 ) -> list[BatchRow]:
     """Score files in parallel.
 
@@ -86,10 +93,10 @@ def score_many(
     ----------
     paths : iterable of Path
         Files, in the order of the answer.
-    args : Namespace
-        The arguments of ``rotdrift score``; those that name one file's samples are refused by the command.
     told : callable
         Called in this process whenever a file is done, in any order.
+    options, reading, window
+        As :func:`host.scored_recording.score_recording` takes them, the same for every file.
     workers : int, optional
         Processes; by default one per core.
 
@@ -103,7 +110,7 @@ def score_many(
     workers = min(workers or os.cpu_count() or 1, len(paths), 61)  # 61: what Windows can wait for
     # A fresh interpreter each: a fork would inherit the progress bar's thread and its locks.
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        jobs = {pool.submit(score_row, path, args): number for number, path in enumerate(paths)}
+        jobs = {pool.submit(score_row, path, options, reading, window): number for number, path in enumerate(paths)}
         for job in as_completed(jobs):
             number = jobs[job]
             try:
@@ -115,12 +122,10 @@ def score_many(
     return [rows[number] for number in range(len(paths))]
 
 
-def score_row(path: Path, args: argparse.Namespace) -> BatchRow:
+def score_row(path: Path, options: ScoreOptions | None, reading: ReadOptions | None, window: Window | None) -> BatchRow:
     """Score one file; whatever is wrong with it becomes part of the row."""
-    from host.commands.score import score_file
-
     try:
-        scored = score_file(path, args)
+        scored = score_recording(path, options, reading, window)
     except HostError as error:
         return BatchRow(path, None, str(error), error.exit_code)
     except Exception as error:  # noqa: BLE001 - one bad file must not stop the rest

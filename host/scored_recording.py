@@ -16,7 +16,7 @@ from host.recorded_trial import RecordedTrial, load_trial
 from host.recording_reader import is_our_recording
 from host.result import ScoreOptions, score_plain, score_trial
 from host.transports.can_log_kind import can_log_kind
-from host.window_bounds import Bound, resolve_window
+from host.window_bounds import Window, resolve_window
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def score_recording(
     path: Path,
     options: ScoreOptions | None = None,
     reading: ReadOptions | None = None,
-    window: tuple[Bound, Bound] | None = None,
+    window: Window | None = None,
 ) -> ScoredRecording:
     """Read and score a recording of any format.
 

@@ -14,6 +14,9 @@ from host.recorded_trial import RecordedTrial
 Bound: TypeAlias = float | str | None
 """Seconds since the first sample; ``m3`` for the third marker; None for the end of the recording."""
 
+Window: TypeAlias = tuple[Bound, Bound]
+"""Begin and end."""
+
 
 def parse_bound(text: str) -> float | str:
     """Parse what ``--from`` or ``--to`` was given; for argparse.
@@ -34,9 +37,7 @@ def parse_bound(text: str) -> float | str:
     return seconds
 
 
-def resolve_window(
-    window: tuple[Bound, Bound] | None, trial: RecordedTrial | None
-) -> tuple[float | None, float | None] | None:
+def resolve_window(window: Window | None, trial: RecordedTrial | None) -> tuple[float | None, float | None] | None:
     """Replace markers by their times.
 
     Parameters

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from host.scored_recording import ScoredRecording
+    from host.result import ScoreOptions
+    from host.scored_recording import ReadOptions, ScoredRecording
+    from host.window_bounds import Window
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 
@@ -69,12 +71,13 @@ def run(args: argparse.Namespace) -> int:
         Not a file that can be scored; says where and why.
     """
     from host.score_batch import expand
+    from host.scored_recording import score_recording
 
     _check_plot(args.plot)
     files = expand(args.files)
     if len(files) > 1 or files != args.files:
         return _run_many(files, args)
-    scored = score_file(files[0], args)
+    scored = score_recording(files[0], *_choices(args))
     score = scored.score
     if args.plot is not None:
         _plot(args.plot, files[0], scored)
@@ -115,7 +118,7 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
         def told(_row: BatchRow) -> None:
             progress.advance(bar)
 
-        rows = score_many(files, args, told)
+        rows = score_many(files, told, *_choices(args))
     if args.json:
         results = [{"file": str(row.path), "error": row.error, "result": row.result} for row in rows]
         sys.stdout.write(json.dumps({"results": results}, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
@@ -153,33 +156,28 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
         raise unwritable(path, error) from error
 
 
-def score_file(path: Path, args: argparse.Namespace) -> ScoredRecording:
-    """Read and score one file as the arguments say; see :func:`run`."""
+def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Window | None]:
+    """Say how to score, how to read, and which window, as the arguments do."""
     from analysis.endpoint_choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError
     from host.result import ScoreOptions
     from host.score_preceding import preceding_endpoints
-    from host.scored_recording import ReadOptions, score_recording
+    from host.scored_recording import ReadOptions
 
     reading = ReadOptions(args.columns, args.rate, args.topic, args.node)
-    window = None if args.start is None and args.end is None else (args.start, args.end)
     try:
         chosen = None if args.endpoints is None else parse_endpoints(args.endpoints)
     except ReaderError as error:
         raise UsageError(str(error)) from error
-    return score_recording(
-        path,
-        ScoreOptions(
-            endpoints=chosen,
-            baseline=args.baseline,
-            as_published=args.as_published or bool(args.preceding),
-            honour_actions=not args.ignore_actions,
-            preceding=preceding_endpoints(args.preceding, reading),
-        ),
-        reading,
-        window,
+    options = ScoreOptions(
+        endpoints=chosen,
+        baseline=args.baseline,
+        as_published=args.as_published or bool(args.preceding),
+        honour_actions=not args.ignore_actions,
+        preceding=preceding_endpoints(args.preceding, reading),
     )
+    return options, reading, None if args.start is None and args.end is None else (args.start, args.end)
 
 
 def _bound(text: str) -> float | str:
