@@ -8,7 +8,8 @@ What python-can really does, and what follows from it:
   read and fails for ever; and a server that is gone makes ``recv`` return at once, for ever: the bus is opened anew.
   All of it is counted.
 - ``slcan`` opens where nobody answers; the adapter must say something first.
-- An interface that is down (``ip link set can0 down``) fails each ``recv``; it works again once it is up.
+- An interface that is down (``ip link set can0 down``) fails each ``recv``; it works again once it is up. One that was
+  pulled fails in the same way, and never works again, not even when it is back: that is told by its number.
 
 Flow control for long packets is sent from here, within the reading thread; decoders only listen.
 """
@@ -37,7 +38,7 @@ from host.transports.can_bus_drivers import CanSettings, can_settings, open_bus
 from host.transports.can_health import BusHealth
 from host.transports.chunks import ClosingTransport, FrameChunk
 from host.transports.serial_port import existing_ports
-from host.transports.socketcan_kernel import dropped_frames
+from host.transports.socketcan_kernel import dropped_frames, interface_index
 
 MAX_FRAMES = 1024
 """No read returns more."""
@@ -98,6 +99,7 @@ class CanTransport(ClosingTransport):
         self._lock = threading.Lock()
         self._echoes: deque[tuple[int, bytes]] | None = deque(maxlen=64) if settings.interface in ECHOING else None
         self._drops_asked_ns = 0
+        self._index = interface_index(settings.channel) if settings.interface == "socketcan" else 0
         self._down_since: float | None = None
         self._closed = False
 
@@ -195,7 +197,7 @@ class CanTransport(ClosingTransport):
             self.health.parser_errors += 1
             self._reopen(error)
             return
-        if _is_down(error):
+        if _is_down(error) and interface_index(self._settings.channel) == self._index:
             now = time.monotonic()
             if self._down_since is None:
                 self._down_since = now

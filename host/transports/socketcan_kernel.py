@@ -27,6 +27,14 @@ def is_down(interface: str, sys_net: Path = Path("/sys/class/net")) -> bool:
         return False
 
 
+def interface_index(interface: str) -> int:
+    """Return the kernel's number of an interface: another one when the adapter was pulled and is back; 0 where none."""
+    try:
+        return socket.if_nametoindex(interface)
+    except (OSError, AttributeError):
+        return 0
+
+
 def lengthen_queue(bus: Any) -> None:  # noqa: ANN401 (its socket is no part of BusABC)
     """Make the queue as long as the system allows; on other systems and buses nothing happens."""
     sock = getattr(bus, "socket", None)

@@ -24,6 +24,7 @@ CHECKS = [
     "two_objects_on_one_bus_are_captured_at_once",
     "error_frames_of_the_kernel_are_told",
     "filters_are_in_the_kernel",
+    "an_interface_that_is_pulled_and_comes_back_is_opened_again",
     "interfaces_that_are_missing_or_down_are_told_at_once",
     "ports_lists_the_interfaces",
 ]

@@ -26,12 +26,15 @@ import pytest
 
 from analysis.scoring import score_series
 from firmware_protocol.can_frames import FrameFlag
+from firmware_protocol.packets import OrientationBatch, Start
 from firmware_protocol.quantization import SMALLEST_THREE_MAX_ERROR_DEG
 from firmware_protocol.serial_framing import encode_frame
 from host.cli import main as rotdrift
 from host.errors import LinkError
+from host.link import Link
 from host.recorded_trial import assemble
 from host.recording_reader import RecordingReader
+from host.transports import open_lasting
 from host.transports.can_log import read_can_log
 from host.transports.chunks import Chunk, FrameChunk
 from tests.can_link_run import finish, object_on, open_transport, over, receive
@@ -208,6 +211,41 @@ def filters_are_in_the_kernel() -> None:
         assert transport.health.filtered_frames == 0  # none reached us to be filtered here
 
 
+def an_interface_that_is_pulled_and_comes_back_is_opened_again() -> None:
+    link = "can:socketcan:vcan3?node=7"
+
+    def plug_in() -> None:
+        sh("ip", "link", "add", "vcan3", "type", "vcan")
+        sh("ip", "link", "set", "vcan3", "up")
+
+    def samples(transport: Any, n: int) -> None:
+        decoder, got, deadline = Link(node=7), 0, time.monotonic() + 30
+        transport.write(transport.encode_command(Start(1)))
+        while got < n:
+            assert time.monotonic() < deadline, got
+            chunk = transport.read(0.1)
+            if chunk is not None and chunk.data:
+                got += sum(len(item) for item in decoder.feed(chunk) if isinstance(item, OrientationBatch))
+
+    plug_in()
+    with contextlib.ExitStack() as first:
+        first.enter_context(object_on(link))
+        transport = first.enter_context(open_lasting(link, 20.0))
+        samples(transport, 50)
+        sh("ip", "link", "delete", "vcan3")
+        deadline = time.monotonic() + 10
+        while transport.connected:
+            assert time.monotonic() < deadline
+            transport.read(0.1)
+        plug_in()
+        while (chunk := transport.read(0.1)) is None or chunk.data:
+            assert time.monotonic() < deadline + 20
+        with object_on(link):
+            samples(transport, 50)
+        assert transport.reconnects == 1
+    sh("ip", "link", "delete", "vcan3")
+
+
 def interfaces_that_are_missing_or_down_are_told_at_once() -> None:
     sh("ip", "link", "set", "vcan2", "down")
     for channel, words in (("vcan9", "there is no CAN interface vcan9"), ("vcan2", "vcan2 is down")):
@@ -240,6 +278,7 @@ CHECKS = (
     two_objects_on_one_bus_are_captured_at_once,
     error_frames_of_the_kernel_are_told,
     filters_are_in_the_kernel,
+    an_interface_that_is_pulled_and_comes_back_is_opened_again,
     interfaces_that_are_missing_or_down_are_told_at_once,
     ports_lists_the_interfaces,
 )
