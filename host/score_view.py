@@ -128,7 +128,7 @@ def _companions(score: TrialScore) -> Iterator[tuple[str, str]]:
 def _window(score: TrialScore) -> str:
     window = score.window
     text = {"from-to": "as given", "endpoints": "end points as given"}.get(window.kind, window.kind)
-    if window.source:
+    if window.source not in ("", "given"):
         text += f" by {plain(window.source, 80)}"
     if window.from_s is not None and window.to_s is not None:
         text += f", {window.from_s - score.start_s:.2f} s to {window.to_s - score.start_s:.2f} s"

@@ -82,6 +82,8 @@ def test_the_window_says_who_chose_it_and_what_was_left_out():
     text = " ".join(shown(chosen, 400).split())
     assert "window as given, 8.00 s to 30.00 s" in text
     assert f"automatic θ̄ {chosen.automatic.theta_bar_deg:.3f}°" in text
+    picked = score_series(simulate(cycles=9, lead_s=1.0).series, endpoints=[300, 700, 1100, 1500])
+    assert "window end points as given, 3.00 s to 15.00 s" in " ".join(shown(picked, 400).split())
 
 
 def test_a_refusal_gives_its_reason_once():
