@@ -85,6 +85,13 @@ def test_commands_import_nothing_heavy_before_they_run():
                 assert (node.module or "").split(".")[0] in light - {"host"}, path
 
 
+def test_only_the_command_line_calls_a_command():
+    for path in SOURCES:
+        name = path.relative_to(ROOT).as_posix()
+        if name != "host/cli.py" and not name.startswith("host/commands/"):
+            assert "host.commands" not in path.read_text(encoding="utf-8"), name
+
+
 def test_files_stay_readable():
     for path in SOURCES:
         n = len(path.read_text(encoding="utf-8").splitlines())
