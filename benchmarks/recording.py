@@ -82,12 +82,12 @@ def peak_kib() -> int:
 
 
 def uneven_reads(n: int) -> Iterator[tuple[Chunk, np.ndarray]]:
-    """Chunks of one to four samples, cut anywhere, a STATUS among them ten times a second: as a busy host reads."""
+    """Chunks of one to four samples, cut anywhere, a STATUS among them every second: as a busy host reads."""
     rng = np.random.default_rng(3)
     status = encode_frame(encode_packet(Status(5_000_000, temperature_c=21.5)))
     pending = b""
     for number, (chunk, quats) in enumerate(chunks(n, 2)):
-        data = pending + chunk.data + (status if number % 50 == 49 else b"")
+        data = pending + chunk.data + (status if number % 500 == 499 else b"")
         cut = len(data) - int(rng.integers(0, 30)) if (number + 1) * 2 < n else len(data)
         pending = data[cut:]
         yield Chunk(data[:cut], chunk.host_time_ns + int(rng.integers(0, 900_000))), quats

@@ -146,7 +146,7 @@ class StreamDecoder:
                 return self._feed_lone(packet)
         if len(pieces) < BATCH_BYTES:
             return self._feed_few(self._frames.unframe(pieces))
-        return [item for item, _ in self._feed_many(pieces)]
+        return self._feed_many(pieces)[0]
 
     def feed_located(self, data: bytes) -> list[LocatedItem]:
         """Take many reads put end to end; return what they completed, in wire order, and where each of it ends.
@@ -166,7 +166,20 @@ class StreamDecoder:
         """
         offset = self._frames.offset_of_next(data)
         pieces = self._frames.complete(data)
-        return self._feed_many(pieces, offset) if pieces else []
+        if not pieces:
+            return []
+        items, samples, placed = self._feed_many(pieces)
+        ends = samples.ends[: samples.n]
+        if placed:
+            ends = np.insert(ends, [position for position, _, _ in placed], [at for _, _, at in placed])
+        ends += offset
+        located: list[LocatedItem] = []
+        start = 0
+        for item in items:
+            stop = start + (len(item) if isinstance(item, OrientationBatch) else 1)
+            located.append((item, ends[start:stop]))
+            start = stop
+        return located
 
     def _feed_lone(self, packet: bytes) -> list[StreamItem]:
         """Decode a packet as long as ORIENTATION that came alone: what a live read mostly brings."""
@@ -227,7 +240,10 @@ class StreamDecoder:
             np.array(flags, _UINT8),
         )
 
-    def _feed_many(self, pieces: bytes, offset: int = 0) -> list[LocatedItem]:
+    def _feed_many(
+        self, pieces: bytes
+    ) -> tuple[list[StreamItem], SampleArrays, list[tuple[int, Packet | ForeignInfo, int]]]:
+        """Decode pieces; return the items, all samples, and the other packets: before which sample, and their end."""
         samples = SampleArrays(len(pieces))
         placed: list[tuple[int, Packet | ForeignInfo, int]] = []
         start = 0
@@ -246,23 +262,21 @@ class StreamDecoder:
                 samples, placed, [(position, packet, at) for position, packet, at in opened if packet is not None]
             )
         self._samples += samples.n
-        ends = samples.ends[: samples.n]
-        ends += offset
-        items: list[LocatedItem] = []
+        items: list[StreamItem] = []
         delivered = followed = 0
-        for position, item, at in placed:
+        for position, item, _ in placed:
             if position > delivered:
-                items.append((samples.batch(delivered, position), ends[delivered:position]))
+                items.append(samples.batch(delivered, position))
                 delivered = position
             if isinstance(item, Info):
                 self._sequence.feed_array(samples.sequence[followed:position])
                 followed = position
                 self._meet(item)
-            items.append((item, np.array([at + offset])))
+            items.append(item)
         self._sequence.feed_array(samples.sequence[followed : samples.n])
         if samples.n > delivered:
-            items.append((samples.batch(delivered, samples.n), ends[delivered:]))
-        return items
+            items.append(samples.batch(delivered, samples.n))
+        return items, samples, placed
 
     def _place(
         self,

@@ -77,6 +77,16 @@ class RecordRuns:
 
     def at(self, offset: int) -> MessageRun | None:
         """Return the run that begins with the record at an offset; None where that is no whole message."""
+        runs: list[MessageRun] = []
+        while (run := self._next(offset)) is not None:
+            runs.append(run)
+            offset = int(run.ends[-1])
+        if len(runs) < 2:
+            return runs[0] if runs else None
+        columns = zip(*((run.starts, run.ends, run.channels) for run in runs), strict=True)
+        return MessageRun(*(np.concatenate(column) for column in columns))
+
+    def _next(self, offset: int) -> MessageRun | None:
         if self._linked is None:
             run = _regular_run(self._block, offset)
             if run is not None:
