@@ -168,7 +168,8 @@ class StreamDecoder:
         pieces = self._frames.complete(data)
         if not pieces:
             return []
-        items, samples, placed = self._feed_many(pieces)
+        items, samples, placed = self._feed_many(pieces, located=True)
+        assert samples.ends is not None
         ends = samples.ends[: samples.n]
         if placed:
             ends = np.insert(ends, [position for position, _, _ in placed], [at for _, _, at in placed])
@@ -241,10 +242,10 @@ class StreamDecoder:
         )
 
     def _feed_many(
-        self, pieces: bytes
+        self, pieces: bytes, *, located: bool = False
     ) -> tuple[list[StreamItem], SampleArrays, list[tuple[int, Packet | ForeignInfo, int]]]:
         """Decode pieces; return the items, all samples, and the other packets: before which sample, and their end."""
-        samples = SampleArrays(len(pieces))
+        samples = SampleArrays(len(pieces), located=located)
         placed: list[tuple[int, Packet | ForeignInfo, int]] = []
         start = 0
         if self._frames.at_start:
