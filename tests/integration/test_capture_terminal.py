@@ -150,7 +150,8 @@ def test_a_killed_capture_still_gives_the_terminal_back(tmp_path, virtual):
 
 
 def test_a_guided_trial_up_to_an_interval_then_a_key(tmp_path):
-    scenario = quick_scenario(tmp_path, cycles=6, lead_in_s=2.5)
+    # More cycles than the interval needs: on a busy machine the guide may see late that the hand turns.
+    scenario = quick_scenario(tmp_path, cycles=14, lead_in_s=2.5)
     recording = tmp_path / "trial.mcap"
     with VirtualObjectProcess(scenario) as virtual:
         terminal = Terminal(
@@ -166,10 +167,9 @@ def test_a_guided_trial_up_to_an_interval_then_a_key(tmp_path):
     assert steps == ["start the hand", "let it turn", "stop the hand, hold still", "done"]
     assert result_of(recording)["capture"]["ended"] == "the guided trial is complete"
     terminal = Terminal(["replay", recording, "--speed", 4, "--ascii"], tmp_path, 120, 36)
-    seen = terminal.wait_for_cycles(3)
-    assert "rotdrift replay" in seen
-    assert "theta" in seen
     assert terminal.finish() == 0
+    assert "rotdrift replay" in terminal.raw
+    assert "theta" in terminal.raw
     assert "differs by" in terminal.after
 
 
