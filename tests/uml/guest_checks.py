@@ -10,6 +10,7 @@ import ctypes
 import io
 import json
 import os
+import re
 import socket
 import struct
 import subprocess
@@ -121,7 +122,8 @@ def the_same_trial_by_capture_candump_and_canplayer() -> None:
         dump = subprocess.Popen(
             ["candump", "-L", "-T", "3000", "-r", "8000000", "vcan0"], stdout=file
         )  # ends after 3 s of silence
-        wait_until(lambda: "vcan0" in Path("/proc/net/can/rcvlist_all").read_text())
+        # Before somebody listens the list says "(vcan0: no entry)".
+        wait_until(lambda: re.search(r"^ *vcan0 ", Path("/proc/net/can/rcvlist_all").read_text(), re.MULTILINE))
         captured = over("can:socketcan:vcan0?node=6", packets)
         assert dump.wait(60) == 0
     player = ("canplayer", "-t", "-g", "0", "-I", str(log), "vcan1=vcan0")  # without pauses
