@@ -14,14 +14,14 @@ from typing import Any
 from benchmarks.live import open_pty, take_chunk
 from benchmarks.measurement import GAIN, Topic, figure
 from benchmarks.native import NoCompilerError, build
-from host.reader import ReaderThread
+from host.reader import GATHER_S, ReaderThread
 from host.recording import RecordingWriter
 from host.transports import open_transport
 from host.trial import Trial
 
 OBJECTS = 8
 GOAL_HZ = 20_000
-RATES_HZ = (2600, 4000, 6000)
+RATES_HZ = (1000, 1800, 2600, 4000)
 """Of one object; the highest that all keep is reported."""
 SECONDS = 4.0
 SILENCE_S = 2.0
@@ -42,8 +42,9 @@ def receive(paths: list[str]) -> dict[str, Any]:
             reader.start()
         print("ready", flush=True)
         first_ns, last_ns = 0, time.monotonic_ns() + 10 * 10**9  # they may take a while to begin
-        used, at_first = 0.0, 0.0
+        used, at_first, done_ns = 0.0, 0.0, 0
         while time.monotonic_ns() - last_ns < SILENCE_S * 1e9:
+            time.sleep(GATHER_S)
             for reader, trial, writer in zip(readers, trials, writers, strict=True):
                 for chunk in reader.take(0.0):
                     take_chunk(trial, writer, chunk)
@@ -51,7 +52,7 @@ def receive(paths: list[str]) -> dict[str, Any]:
                         first_ns, at_first = chunk.host_time_ns, time.process_time()
                         last_ns = first_ns
                     last_ns = max(last_ns, chunk.host_time_ns)
-                    used = time.process_time() - at_first
+                    used, done_ns = time.process_time() - at_first, time.monotonic_ns()
         for reader, writer in zip(readers, writers, strict=True):
             reader.stop()
             writer.close()
@@ -60,7 +61,7 @@ def receive(paths: list[str]) -> dict[str, Any]:
         "lost": sum(trial.link.counters.samples_lost for trial in trials),
         "errors": sum(trial.link.damaged_frames for trial in trials),
         "overflows": sum(reader.overflow_chunks for reader in readers),
-        "seconds": (last_ns - first_ns) / 1e9,
+        "seconds": (done_ns - first_ns) / 1e9,  # until all was worked on, not only read
         "cpu": used,
     }
 
@@ -95,7 +96,7 @@ def run_once(program: Path, rate_hz: int) -> dict[str, Any]:
             os.close(slave)
     result: dict[str, Any] = json.loads(text)
     complete = result["samples"] == [n] * OBJECTS and not (result["lost"] or result["errors"] or result["overflows"])
-    # A host that is too slow fills the pty and makes the sender wait: then nothing is lost, but it takes longer.
+    # A host that is too slow keeps what it read waiting, or fills the pty and makes the sender wait: it takes longer.
     result["kept"] = complete and result["seconds"] < 1.1 * SECONDS
     result["rate_hz"] = sum(result["samples"]) / result["seconds"]
     return result
@@ -113,12 +114,12 @@ def measure(quick: bool = False) -> Topic:
         topic.left_out.append(str(error))
         return topic
     kept: dict[str, Any] | None = None
-    for rate_hz in RATES_HZ[:1] if quick else RATES_HZ:
+    for rate_hz in RATES_HZ[1:2] if quick else RATES_HZ:
         result = run_once(program, rate_hz)
         cpu = 100 * result["cpu"] / result["seconds"]
         note = f"{sum(result['samples'])} samples, {result['lost']} lost, {result['errors']} damaged, {cpu:.0f} % CPU"
         if not result["kept"]:
-            note += "; the objects had to wait: "
+            note += "; it took longer than the objects sent: "
             note += "more than a core can take" if cpu > BUSY else "for the machine, which had other work"
         name = f"{OBJECTS} × {rate_hz} Hz: received"
         topic.rows.append(figure(name, [result["rate_hz"]], "samples/s", note))
@@ -128,7 +129,7 @@ def measure(quick: bool = False) -> Topic:
     note = "ports, decoding, recording, clock, online cycles; no screen"
     if kept is None:
         kept = result
-        note += "; NOT kept: the objects had to wait, nothing was lost"
+        note += "; NOT kept: it took longer than the objects sent, nothing was lost"
     topic.rows.append(
         figure("highest aggregate rate kept without loss", [kept["rate_hz"]], "samples/s", note, GOAL_HZ, GAIN)
     )
