@@ -104,7 +104,7 @@ def run_once(program: Path, rate_hz: int) -> dict[str, Any]:
 
 def measure(quick: bool = False) -> Topic:
     """Measure everything of this topic."""
-    topic = Topic(f"{OBJECTS} objects on {OBJECTS} ptys, one core")
+    topic = Topic(f"Eight objects: {OBJECTS} ptys, a process bound to one core")
     if not hasattr(os, "sched_setaffinity"):
         topic.left_out.append("a process cannot be bound to a core here")
         return topic
