@@ -100,7 +100,7 @@ def captured_over_tcp(folder, wrap_s):
     scenario = quick_scenario(folder, imu="", clock=clock, period_s=0.7, cycles=200)
     with started("emulate", "--scenario", scenario, "--link", "tcp:0", "--truth", folder / "truth.json") as virtual:
         link = wait_for_line(virtual, "ready: ")[-1].split("ready: ")[1].strip()
-        captured = rotdrift("capture", link, "--duration", wrap_s, "--json", cwd=folder, timeout_s=180)
+        captured = rotdrift("capture", link, "--duration", wrap_s + 4, "--json", cwd=folder, timeout_s=180)
         virtual.send_signal(signal.SIGTERM)
         assert virtual.wait(30) == 0
     assert captured.returncode == 0, captured.stderr
