@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.clock_links import LINKS, FloatArray, IntArray, SimulatedLink
-from host.clock import ClockEstimate, ClockEstimator
-from host.clock_remap import remap
+from host.clock.device_clock import ClockEstimate, ClockEstimator
+from host.clock.remap import remap
 
 GOALS_MS = {"usb": 0.1, "ftdi": 0.3, "can": 0.04, "ble": 0.7}
 """99th percentile of the live estimate's error."""

@@ -29,8 +29,8 @@ from emulator.runner import run
 from emulator.scenario import Scenario, load_scenario
 from firmware_protocol.packets import OrientationBatch, Start, TimeReply, TimeRequest
 from firmware_protocol.stream import StreamDecoder, encode_command
-from host.clock import DeviceClock as HostClock
-from host.clock_remap import remap
+from host.clock.device_clock import DeviceClock as HostClock
+from host.clock.remap import remap
 from host.transports import open_transport
 
 SEED = 7

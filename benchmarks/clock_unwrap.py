@@ -9,7 +9,7 @@ import argparse
 
 import numpy as np
 
-from host.clock import ClockUnwrapper
+from host.clock.device_clock import ClockUnwrapper
 
 MODULUS = 2**32
 

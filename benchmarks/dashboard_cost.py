@@ -62,10 +62,10 @@ _COUNT = re.compile(rb"(\d+) cycles?(?:\x1b\[[\d;]*m)* \xc2\xb7")
 
 def run_one(link: str, folder: Path, seconds: float) -> None:
     """Be the capture: instrumented, in this process's terminal; figures go to a file."""
-    from host import capture_run
-    from host.capture import CaptureSettings
-    from host.live_screen import LiveScreen
-    from host.screen import open_screen
+    from host.capture import run as capture_run
+    from host.capture.loop import CaptureSettings
+    from host.screen.live_screen import LiveScreen
+    from host.screen.screens import open_screen
     from host.trial import Trial
 
     delays: list[tuple[int, int]] = []

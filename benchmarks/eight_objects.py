@@ -15,7 +15,7 @@ from benchmarks.live import open_pty, take_chunk
 from benchmarks.measurement import GAIN, Topic, figure
 from benchmarks.native import NoCompilerError, build
 from host.reader import GATHER_S, ReaderThread
-from host.recording import RecordingWriter
+from host.recording.writer import RecordingWriter
 from host.transports import open_transport
 from host.trial import Trial
 

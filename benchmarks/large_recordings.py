@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
-from host import recording_format as fmt
-from host.recording import RecordingWriter
-from host.ros_message import CDR_LITTLE_ENDIAN
-from host.row_checksums import checksums
+from host.recording import format as fmt
+from host.recording.ros_message import CDR_LITTLE_ENDIAN
+from host.recording.row_checksums import checksums
+from host.recording.writer import RecordingWriter
 
 PER_READ = 10
 WALL_NS, MONOTONIC_NS = 1_700_000_000 * 10**9, 10**9

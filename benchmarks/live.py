@@ -19,7 +19,7 @@ from statistics import median
 from benchmarks.growth import stream_chunks
 from benchmarks.measurement import COST, GAIN, Row, Topic, cpu_s, figure
 from benchmarks.native import NoCompilerError, build
-from host.recording import RecordingWriter
+from host.recording.writer import RecordingWriter
 from host.transports.chunks import Chunk
 from host.trial import Trial
 

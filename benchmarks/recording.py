@@ -21,8 +21,8 @@ from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Status
 from firmware_protocol.serial_framing import encode_frame
-from host.recording import RecordingWriter
-from host.recording_reader import RecordingReader
+from host.recording.reader import RecordingReader
+from host.recording.writer import RecordingWriter
 from host.transports.chunks import Chunk
 
 RATE_HZ = 1000
@@ -35,8 +35,8 @@ _SCORE = """
 import json, sys, time
 from benchmarks.recording import peak_kib as peak
 from pathlib import Path
-from host.recorded_trial import load_trial
-from host.result import ScoreOptions, score_trial
+from host.recording.recorded_trial import load_trial
+from host.scoring.result import ScoreOptions, score_trial
 import analysis.scoring, scipy.ndimage
 base = peak()
 start, wall = time.process_time(), time.perf_counter()
@@ -58,8 +58,8 @@ from benchmarks.recording import peak_kib as peak
 from pathlib import Path
 from firmware_protocol.packets import OrientationBatch
 from host.link import Link
-from host.raw_stretch import RawStretch
-from host.recording_reader import RecordingReader
+from host.recording.raw_stretch import RawStretch
+from host.recording.reader import RecordingReader
 base = peak()
 start = time.process_time()
 link, n = Link(), 0

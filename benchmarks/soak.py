@@ -23,9 +23,9 @@ from pathlib import Path
 from emulator.links.memory_link import MemoryLink
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
-from host.capture import Capture, CaptureSettings
-from host.recording import RecordingWriter
-from host.screen import QuietScreen
+from host.capture.loop import Capture, CaptureSettings
+from host.recording.writer import RecordingWriter
+from host.screen.screens import QuietScreen
 from host.transports.chunks import Chunk, ClosingTransport, LinkEnd
 from host.trial import Trial
 

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
-from host.recording import RecordingWriter
+from host.recording.writer import RecordingWriter
 from host.transports.chunks import Chunk
 
 RATE_HZ = 200.0

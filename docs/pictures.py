@@ -16,10 +16,10 @@ from rich._export_format import CONSOLE_SVG_FORMAT
 from rich.console import Console
 from rich.terminal_theme import MONOKAI
 
-from host.capture import CaptureSettings
-from host.capture_run import DEFAULT_FOLDER, run_capture
+from host.capture.loop import CaptureSettings
+from host.capture.run import DEFAULT_FOLDER, run_capture
 from host.dashboard import render
-from host.screen import QuietScreen
+from host.screen.screens import QuietScreen
 from host.trial_state import TrialState
 from host.virtual_object_process import VirtualObjectProcess
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from analysis.series import OrientationSeries
 from firmware_protocol.packets import Event, Info, OrientationBatch, Status
 from firmware_protocol.stream import StreamItem
-from host.clock import ClockUnwrapper
+from host.clock.device_clock import ClockUnwrapper
 from host.loss_ledger import LossLedger, LossReport
 from host.sequence_unwrap import SequenceUnwrapper
 

@@ -1,7 +1,7 @@
 """A trial as it happens: chunks in, cycles and a running score out, with bounded memory.
 
 The same object runs under a live capture and under a replay. What it says is provisional: the result is made from the
-whole recording afterwards (:mod:`host.result`).
+whole recording afterwards (:mod:`host.scoring.result`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from analysis.baseline import StaticBaseline
 from analysis.online_cycles import OnlineCycleDetector
 from firmware_protocol.packets import Event, Info, OrientationBatch, OrientationFlag, Status
 from firmware_protocol.stream import StreamItem
-from host.clock import ClockEstimate, DeviceClock
+from host.clock.device_clock import ClockEstimate, DeviceClock
 from host.link import Link
 from host.plain_text import plain
 from host.rate_meter import RateMeter

@@ -2,8 +2,8 @@
 
 import threading
 
-from host.playback import play
-from host.screen import QuietScreen
+from host.capture.playback import play
+from host.screen.screens import QuietScreen
 from host.transports.memory import MemoryTransport
 from host.trial import Trial
 

@@ -89,7 +89,7 @@ def _is_recording(path: Path) -> bool:
 
 
 def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
-    from host.scored_recording import ReadOptions, read_recording
+    from host.scoring.scored_recording import ReadOptions, read_recording
 
     series, trial = read_recording(path, ReadOptions(args.columns, args.rate, args.topic))
     return series, () if trial is None else trial.temperatures_c
@@ -99,11 +99,11 @@ def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[fl
     import tempfile
 
     from analysis.series import SeriesError
-    from host.capture import CaptureSettings
-    from host.capture_run import record
+    from host.capture.loop import CaptureSettings
+    from host.capture.run import record
     from host.errors import LinkError
-    from host.recorded_trial import load_trial
-    from host.screen import QuietScreen
+    from host.recording.recorded_trial import load_trial
+    from host.screen.screens import QuietScreen
     from host.stop_signals import StopSignals
 
     duration_s = args.duration or DEFAULT_DURATION_S

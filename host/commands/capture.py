@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from host.capture import CaptureSettings
-    from host.capture_run import FinishedCapture
-    from host.result import ScoreOptions
-    from host.screen import Screen
+    from host.capture.loop import CaptureSettings
+    from host.capture.run import FinishedCapture
+    from host.scoring.result import ScoreOptions
+    from host.screen.screens import Screen
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -68,12 +68,12 @@ def run(args: argparse.Namespace) -> int:
     """
     from datetime import datetime
 
-    from host.capture import CaptureSettings
-    from host.capture_run import default_recording, run_capture
+    from host.capture.guide import GuideSettings
+    from host.capture.loop import CaptureSettings
+    from host.capture.run import default_recording, run_capture
     from host.errors import UsageError
-    from host.guide import GuideSettings
-    from host.result import ScoreOptions, result_text
-    from host.screen import ScreenChoice, open_screen
+    from host.scoring.result import ScoreOptions, result_text
+    from host.screen.screens import ScreenChoice, open_screen
     from host.session import SessionSettings
     from host.stop_signals import StopSignals
 
@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         sys.stdout.write(result_text(finished.score))
     else:
-        from host.score_view import print_score
+        from host.scoring.view import print_score
 
         print_score(finished.score)
         _print_difference(finished)
@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_difference(finished: FinishedCapture) -> None:
-    from host.capture_run import difference_sentence
+    from host.capture.run import difference_sentence
 
     live_deg = finished.outcome.last_state.theta_bar_deg
     sys.stdout.write(f"live       {difference_sentence(live_deg, finished.score).removeprefix('live ')}\n")
@@ -124,9 +124,9 @@ def _run_several(
     """Capture several objects at once, each with a recording of its own."""
     import json
 
-    from host.capture_several import capture_several
+    from host.capture.several import capture_several
     from host.errors import UsageError
-    from host.score_view import print_score
+    from host.scoring.view import print_score
     from host.stop_signals import StopSignals
 
     if settings.debug_link is not None:

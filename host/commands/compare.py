@@ -44,8 +44,8 @@ def run(args: argparse.Namespace) -> int:
     from analysis.reporting.comparison import CRITERION, compare, difference_text
     from analysis.reporting.errors import ComparisonError
     from analysis.reporting.summary import summary_markdown
-    from host.comparison_sources import load_sources
     from host.errors import FileError, UsageError, unwritable
+    from host.submission.comparison_sources import load_sources
 
     try:
         comparison = compare(load_sources(args.sources), mix=args.mix)

@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from analysis.writers import FORMATS, write_series
     from analysis.writers.errors import WriterError
     from host.errors import FileError, UsageError, unwritable
-    from host.scored_recording import ReadOptions, read_recording, score_recording
+    from host.scoring.scored_recording import ReadOptions, read_recording, score_recording
 
     kind = args.to or SUFFIXES.get(args.out.suffix.lower())
     if kind is None:

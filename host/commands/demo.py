@@ -39,11 +39,11 @@ def run(args: argparse.Namespace) -> int:
 
     from emulator import ScenarioError
     from emulator.scenario import load_scenario
-    from host.capture import CaptureSettings
-    from host.capture_run import default_recording, run_capture
+    from host.capture.loop import CaptureSettings
+    from host.capture.run import default_recording, run_capture
     from host.errors import UsageError
-    from host.score_view import print_score
-    from host.screen import open_screen
+    from host.scoring.view import print_score
+    from host.screen.screens import open_screen
     from host.stop_signals import StopSignals
     from host.virtual_object_process import VirtualObjectProcess
 

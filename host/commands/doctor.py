@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from host.findings import Finding
+    from host.doctor.findings import Finding
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -39,11 +39,11 @@ def run(args: argparse.Namespace) -> int:
     UsageError
         An impossible duration or link.
     """
+    from host.doctor.findings import Verdict
+    from host.doctor.link_check import check_link
+    from host.doctor.machine_check import can_interfaces, clock_source, disk, serial_ports, versions
     from host.errors import UsageError
-    from host.findings import Verdict
-    from host.link_check import check_link
     from host.link_uri import parse_link_uri
-    from host.machine_check import can_interfaces, clock_source, disk, serial_ports, versions
     from host.stop_signals import StopSignals
     from host.transports.can_listing import list_can_ports
     from host.transports.serial_listing import list_serial_ports

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from host.cards import Cards
+    from host.cards.definitions import Cards
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -42,8 +42,8 @@ def run(args: argparse.Namespace) -> int:
     """
     import json
 
-    from host import cards as card_module
-    from host.card_questions import ask_for_cards, template
+    from host.cards import definitions as card_module
+    from host.cards.questions import ask_for_cards, template
     from host.errors import UsageError
 
     if args.template or args.schema:
@@ -87,7 +87,7 @@ def _refuse_existing(folder: Path, tables: tuple[str, ...], *, force: bool) -> N
 
 def _known(folder: Path, tables: tuple[str, ...]) -> Cards:
     """Defaults: what the cards being replaced say."""
-    from host.cards import Cards, load_cards, merged
+    from host.cards.definitions import Cards, load_cards, merged
 
     cards = Cards()
     for table in tables:
@@ -98,7 +98,7 @@ def _known(folder: Path, tables: tuple[str, ...]) -> Cards:
 
 
 def _write(folder: Path, cards: Cards, tables: tuple[str, ...]) -> list[Path]:
-    from host.cards import Cards, dump_cards
+    from host.cards.definitions import Cards, dump_cards
     from host.errors import unwritable
 
     written = []

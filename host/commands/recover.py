@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     FileError
         Nothing to recover, or the new file cannot be written.
     """
-    from host.recovery import recover
+    from host.recording.recovery import recover
 
     found = recover(args.source, args.target)
     if args.json:

@@ -33,13 +33,13 @@ def run(args: argparse.Namespace) -> int:
         Not a recording.
     """
     from analysis.series import AnalysisError
-    from host.capture_run import difference_sentence, finished_state
+    from host.capture.playback import play, recorded_actions
+    from host.capture.run import difference_sentence, finished_state
     from host.errors import FileError
-    from host.playback import play, recorded_actions
-    from host.recorded_trial import load_trial
-    from host.result import result_text, score_trial
-    from host.score_view import print_score
-    from host.screen import ScreenChoice, open_screen
+    from host.recording.recorded_trial import load_trial
+    from host.scoring.result import result_text, score_trial
+    from host.scoring.view import print_score
+    from host.screen.screens import ScreenChoice, open_screen
     from host.stop_signals import StopSignals
     from host.transports.replay import ReplayTransport
     from host.trial import Trial

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from host.submission import BuiltSubmission
-    from host.submission_source import TrialSource
+    from host.submission.contents import BuiltSubmission
+    from host.submission.source import TrialSource
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
         A file cannot be read or written.
     """
     from host.errors import UsageError
-    from host.submission import DEFAULT_TITLE, build_submission
+    from host.submission.contents import DEFAULT_TITLE, build_submission
 
     if len(args.trials) > 1 and (args.endpoints or args.start is not None or args.end is not None):
         raise UsageError(
@@ -77,9 +77,9 @@ def run(args: argparse.Namespace) -> int:
 def _source(path: Path, args: argparse.Namespace) -> TrialSource:
     from analysis.endpoint_choice import load_endpoints, parse_endpoints
     from analysis.series import ReaderError
-    from host.card_files import find_cards
+    from host.cards.files import find_cards
     from host.errors import UsageError
-    from host.submission_source import Choices, load_source
+    from host.submission.source import Choices, load_source
 
     if not path.name:
         raise UsageError(f"{path} has no name to file it under", "name the recording or the bag in full")

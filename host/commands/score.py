@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from host.result import ScoreOptions
-    from host.scored_recording import ReadOptions, ScoredRecording
-    from host.window_bounds import Window
+    from host.scoring.result import ScoreOptions
+    from host.scoring.scored_recording import ReadOptions, ScoredRecording
+    from host.scoring.window_bounds import Window
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 
@@ -70,8 +70,8 @@ def run(args: argparse.Namespace) -> int:
     FileError
         Not a file that can be scored; says where and why.
     """
-    from host.score_batch import expand
-    from host.scored_recording import score_recording
+    from host.scoring.batch import expand
+    from host.scoring.scored_recording import score_recording
 
     _check_plot(args.plot)
     files = expand(args.files)
@@ -82,11 +82,11 @@ def run(args: argparse.Namespace) -> int:
     if args.plot is not None:
         _plot(args.plot, files[0], scored)
     if args.json:
-        from host.result import result_text
+        from host.scoring.result import result_text
 
         sys.stdout.write(result_text(score))
     else:
-        from host.score_view import print_score
+        from host.scoring.view import print_score
 
         print_score(score)
         if args.plot is not None:
@@ -102,8 +102,8 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     from host.errors import UsageError
-    from host.score_batch import BatchRow, score_many
-    from host.score_table import print_batch
+    from host.scoring.batch import BatchRow, score_many
+    from host.scoring.table import print_batch
 
     for name, value in (("--endpoints", args.endpoints), ("--plot", args.plot), ("--preceding", args.preceding)):
         if value:
@@ -161,9 +161,9 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Windo
     from analysis.endpoint_choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError
-    from host.result import ScoreOptions
-    from host.score_preceding import preceding_endpoints
-    from host.scored_recording import ReadOptions
+    from host.scoring.preceding import preceding_endpoints
+    from host.scoring.result import ScoreOptions
+    from host.scoring.scored_recording import ReadOptions
 
     reading = ReadOptions(args.columns, args.rate, args.topic, args.node)
     try:
@@ -181,6 +181,6 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Windo
 
 
 def _bound(text: str) -> float | str:
-    from host.window_bounds import parse_bound  # imports numpy: only where there is something to parse
+    from host.scoring.window_bounds import parse_bound  # imports numpy: only where there is something to parse
 
     return parse_bound(text)

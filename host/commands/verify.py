@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     FileError
         It is refused or no submission.
     """
-    from host.verification import verify_bundle
+    from host.submission.verification import verify_bundle
 
     found = verify_bundle(args.bundle, drawings=not args.no_drawings)
     if args.json:

@@ -7,7 +7,7 @@ import textwrap
 from rich.text import Text
 
 from analysis.uncertainty import MIN_STEPS
-from host.big_digits import big_text
+from host.dashboard.big_digits import big_text
 from host.dashboard.boxes import Lines, beside, block, framed
 from host.dashboard.drift_path import net_deg, small_path
 from host.dashboard.look import Look, Part

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from host.errors import UsageError
 from host.link_uri import LinkUri
-from host.recording_reader import RecordingReader
+from host.recording.reader import RecordingReader
 from host.transports.chunks import AnyChunk, ClosingTransport, LinkEnd
 
 

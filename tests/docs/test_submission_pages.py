@@ -3,8 +3,8 @@
 import re
 from pathlib import Path
 
-from host.cards import REQUIRED, TABLES, missing_fields, parse_cards
-from host.submission_format import TrialEntry
+from host.cards.definitions import REQUIRED, TABLES, missing_fields, parse_cards
+from host.submission.format import TrialEntry
 
 DOCS = Path(__file__).parents[2] / "docs"
 

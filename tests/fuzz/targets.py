@@ -22,13 +22,13 @@ from firmware_protocol.can_frames import CanFrame, FrameFlag, pack_frames
 from firmware_protocol.packets import OrientationBatch
 from firmware_protocol.serial_framing import MAX_PIECE_BYTES
 from firmware_protocol.stream import StreamDecoder
-from host.cards import load_cards
+from host.cards.definitions import load_cards
 from host.errors import FileError, HostError
 from host.loss_ledger import LossReport
 from host.operator_actions import edits_of
-from host.recorded_trial import load_trial
-from host.recording_reader import RecordingReader
-from host.recovery import recover
+from host.recording.reader import RecordingReader
+from host.recording.recorded_trial import load_trial
+from host.recording.recovery import recover
 from host.samples import SampleAssembler
 
 _FOLDER = Path(tempfile.mkdtemp(prefix="rotdrift-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from host.cli import main
-from host.recording_reader import RecordingReader
+from host.recording.reader import RecordingReader
 from tests.can_link_run import object_on
 
 

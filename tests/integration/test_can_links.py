@@ -13,7 +13,7 @@ from firmware_protocol.can_frames import CanFrame, unpack_frames
 from firmware_protocol.packets import Info, Status, TimeReply
 from host.errors import LinkError, LinkLostError, NoAnswerError, PortNotFoundError, UsageError
 from host.link_uri import parse_link_uri
-from host.recorded_trial import assemble
+from host.recording.recorded_trial import assemble
 from host.session import Phase
 from host.transports import open_transport
 from host.transports.can_bus_drivers import can_settings

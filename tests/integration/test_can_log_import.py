@@ -15,7 +15,7 @@ import host.transports.can_log as can_log
 from analysis.scoring import score_series
 from firmware_protocol.can_frames import CanFrame, FrameFlag, pack_frames
 from host.errors import FileError
-from host.recorded_trial import assemble
+from host.recording.recorded_trial import assemble
 from host.transports.can_log import can_log_kind, read_can_log
 from host.transports.chunks import FrameChunk
 from tests.can_traffic import object_at, timed

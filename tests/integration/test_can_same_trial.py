@@ -8,7 +8,7 @@ import pytest
 from analysis.rotations import distance
 from analysis.scoring import score_series
 from firmware_protocol.quantization import SMALLEST_THREE_MAX_ERROR_DEG
-from host.recorded_trial import assemble
+from host.recording.recorded_trial import assemble
 from tests.can_link_run import LINKS, over
 from tests.emulated_packets import trial_packets
 

@@ -13,8 +13,8 @@ import pytest
 
 from analysis.drift import rotation_drift
 from host.commands.demo import true_drift_deg
-from host.recorded_trial import load_trial
-from host.result import score_trial
+from host.recording.recorded_trial import load_trial
+from host.scoring.result import score_trial
 from host.virtual_object_process import VirtualObjectProcess
 from tests.command_line import PERFECT_IMU, one_sentence, quick_scenario, rotdrift, started, wait_for, wait_for_line
 
@@ -193,7 +193,7 @@ def test_a_killed_capture_leaves_a_recording_that_scores_as_it_is(tmp_path):
 
 
 def last_chunk_ns(recording):
-    from host.recording_reader import RecordingReader
+    from host.recording.reader import RecordingReader
 
     return [chunk.host_time_ns for chunk in RecordingReader(Path(recording)).chunks()][-1]
 

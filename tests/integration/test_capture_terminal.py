@@ -17,7 +17,7 @@ if sys.platform == "win32":
 
 import pexpect
 
-from host.playback import recorded_actions
+from host.capture.playback import recorded_actions
 from host.virtual_object_process import VirtualObjectProcess
 from tests.terminal_run import Terminal
 

@@ -4,12 +4,12 @@ import threading
 
 import pytest
 
-from host.capture import CaptureSettings
-from host.capture_several import capture_several
+from host.capture.loop import CaptureSettings
+from host.capture.several import capture_several
 from host.dashboard import View, picture
-from host.recorded_trial import load_trial
-from host.screen import QuietScreen
-from host.screen_keys import ScreenAction
+from host.recording.recorded_trial import load_trial
+from host.screen.keys import ScreenAction
+from host.screen.screens import QuietScreen
 from tests.can_link_run import object_on
 from tests.command_line import quick_scenario
 

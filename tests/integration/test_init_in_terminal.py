@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from host.cards import load_cards, missing_fields
+from host.cards.definitions import load_cards, missing_fields
 
 pexpect = pytest.importorskip("pexpect", reason="pexpect is not installed")
 if sys.platform == "win32":

@@ -8,8 +8,8 @@ import pytest
 
 from emulator.faults import FaultSettings, TimedFault
 from emulator.scenario import load_scenario, scenario_names
-from host.recorded_trial import assemble, load_trial
-from host.result import score_trial
+from host.recording.recorded_trial import assemble, load_trial
+from host.scoring.result import score_trial
 from tests.faulty_trials import faulty_chunks
 from tests.recorded_trials import scenario, write_recording
 

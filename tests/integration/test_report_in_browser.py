@@ -47,7 +47,7 @@ def made(tmp_path_factory):
 
 def test_the_score_is_near_the_built_in_drift_and_the_cards_are_complete(made, capsys):
     from analysis.reporting.bundle import read_bundle
-    from host.submission_format import parse_submission
+    from host.submission.format import parse_submission
 
     folder, truth = made
     submission = parse_submission(read_bundle(folder / "s.zip")["submission.json"])

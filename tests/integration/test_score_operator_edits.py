@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from host import recording_format as fmt
 from host.operator_actions import EXCLUDE, WINDOW_START, WINDOW_STOP, OperatorAction
-from host.recording import RecordingWriter
+from host.recording import format as fmt
+from host.recording.writer import RecordingWriter
 from tests.command_line import rotdrift
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks, write_recording
 

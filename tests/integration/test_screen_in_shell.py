@@ -19,7 +19,7 @@ pytest.importorskip("pyte")
 if sys.platform == "win32":
     pytest.skip("needs a pseudo-terminal", allow_module_level=True)
 
-from host.playback import recorded_actions
+from host.capture.playback import recorded_actions
 from host.virtual_object_process import VirtualObjectProcess
 from tests.terminal_run import Terminal
 

@@ -83,9 +83,9 @@ def holders(device):
 
 @pytest.mark.skipif(not LINUX, reason="reads /proc")
 def test_captures_in_one_process_leave_no_thread_and_no_descriptor(tmp_path):
-    from host.capture import CaptureSettings
-    from host.capture_run import run_capture
-    from host.screen import QuietScreen
+    from host.capture.loop import CaptureSettings
+    from host.capture.run import run_capture
+    from host.screen.screens import QuietScreen
 
     def descriptors():
         links = [link for link in Path("/proc/self/fd").iterdir() if os.path.lexists(link)]

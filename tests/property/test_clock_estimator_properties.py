@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host.clock import ClockEstimator, DeviceClock
-from host.clock_remap import remap
+from host.clock.device_clock import ClockEstimator, DeviceClock
+from host.clock.remap import remap
 
 GAPS_US = st.one_of(st.integers(-600_000, 600_000), st.integers(0, 100_000_000))
 STREAM = st.lists(st.tuples(GAPS_US, st.integers(0, 3_000_000_000), st.integers(0, 40_000)), min_size=1, max_size=120)

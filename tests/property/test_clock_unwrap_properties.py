@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host.clock import ClockUnwrapper
+from host.clock.device_clock import ClockUnwrapper
 
 MODULUS = 2**32
 

@@ -23,7 +23,7 @@ from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Event, EventKind, Info, Orientation, OrientationFlag, Status
 from firmware_protocol.serial_framing import MAX_PIECE_BYTES, encode_frame
 from firmware_protocol.stream import StreamDecoder
-from host.cards import load_cards
+from host.cards.definitions import load_cards
 from host.dashboard import render
 from host.errors import HostError
 from host.plain_text import plain

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from emulator.faults import FaultSettings
 from firmware_protocol.packets import Event, OrientationBatch, Status
 from firmware_protocol.stream import StreamDecoder
-from host.clock_unwrap import ClockUnwrapper
+from host.clock.unwrap import ClockUnwrapper
 from host.link import Link
-from host.raw_stretch import RawStretch
-from host.recorded_trial import load_trial
-from host.recording import RecordingWriter
-from host.recording_reader import RecordingReader
-from host.row_checksums import checksums
+from host.recording.raw_stretch import RawStretch
+from host.recording.reader import RecordingReader
+from host.recording.recorded_trial import load_trial
+from host.recording.row_checksums import checksums
+from host.recording.writer import RecordingWriter
 from host.samples import SampleAssembler, series_of
 from host.transports.chunks import Chunk
 from tests.faulty_trials import faulty_chunks

@@ -6,7 +6,7 @@ import struct
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host.record_runs import MESSAGE_HEAD_BYTES, RecordRuns
+from host.recording.record_runs import MESSAGE_HEAD_BYTES, RecordRuns
 
 
 def record(kind: int, body: bytes) -> bytes:

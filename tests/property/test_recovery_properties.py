@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host import recording_format as fmt
 from host.errors import FileError
-from host.recorded_trial import load_trial
-from host.recording import RecordingWriter
-from host.recording_reader import RecordingReader
-from host.recovery import recover
+from host.recording import format as fmt
+from host.recording.reader import RecordingReader
+from host.recording.recorded_trial import load_trial
+from host.recording.recovery import recover
+from host.recording.writer import RecordingWriter
 from host.transports.chunks import Chunk, FrameChunk
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks
 
@@ -162,6 +162,18 @@ def test_what_is_missing_is_counted_and_the_samples_are_in_the_ledger(tmp_path):
     assert trial.damage == ()
     assert trial.losses.missing == 4
     assert trial.losses.received == trial.losses.produced - 4
+
+
+def test_a_capture_killed_before_its_first_flush_leaves_a_recording_of_nothing(tmp_path):
+    writer = RecordingWriter(tmp_path / "killed.mcap", "serial:/dev/ttyACM0", WALL_NS, 10**9)
+    (tmp_path / "cut.mcap").write_bytes((tmp_path / "killed.mcap").read_bytes())
+    writer.close()
+    report = recover(tmp_path / "cut.mcap", tmp_path / "clean.mcap")
+    assert (report.chunks, report.missing_chunks, report.header_found) == (0, 0, True)
+    clean = RecordingReader(tmp_path / "clean.mcap")
+    assert list(clean.chunks()) == []
+    assert clean.damage == []
+    assert clean.header.link == "serial:/dev/ttyACM0"
 
 
 def test_what_never_was_a_recording_and_what_exists_are_refused(tmp_path):

@@ -33,8 +33,8 @@ from firmware_protocol.serial_framing import encode_frame
 from host.cli import main as rotdrift
 from host.errors import LinkError
 from host.link import Link
-from host.recorded_trial import assemble
-from host.recording_reader import RecordingReader
+from host.recording.reader import RecordingReader
+from host.recording.recorded_trial import assemble
 from host.transports import open_lasting
 from host.transports.can_log import read_can_log
 from host.transports.chunks import Chunk, FrameChunk

@@ -7,7 +7,7 @@ import pytest
 
 from firmware_protocol.can_frames import CanFrame, pack_frames
 from firmware_protocol.can_mapping import time_interval
-from host.recorded_trial import assemble
+from host.recording.recorded_trial import assemble
 from host.transports.chunks import AnyChunk, Chunk, FrameChunk
 from host.trial import Trial
 from tests.can_traffic import object_at, sample_packets, sample_rows, timed

@@ -6,7 +6,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from host.cards import (
+from host.cards.definitions import (
     REQUIRED,
     TABLES,
     Cards,

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from host.card_questions import ask_for_cards, template
-from host.cards import Cards, load_cards, missing_fields, parse_cards
+from host.cards.definitions import Cards, load_cards, missing_fields, parse_cards
+from host.cards.questions import ask_for_cards, template
 from host.commands import init
 from host.errors import FileError, UsageError
 

@@ -6,8 +6,8 @@ import pytest
 
 from firmware_protocol.packets import Info, InternalWeight, ObjectShape
 from firmware_protocol.packets import ObjectCard as WireCard
-from host.card_files import card_of_object, find_cards, with_object
-from host.cards import Cards, parse_cards
+from host.cards.definitions import Cards, parse_cards
+from host.cards.files import card_of_object, find_cards, with_object
 from host.errors import FileError
 
 SAID = Info(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from host.clock import DeviceClock
+from host.clock.device_clock import DeviceClock
 
 MODULUS = 2**32
 S = 1_000_000

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from host.clock_envelope import DelayLine, envelope_line, hull_line, line_with_slope, lower_hull
+from host.clock.envelope import DelayLine, envelope_line, hull_line, line_with_slope, lower_hull
 
 
 def random_points(seed: int, n: int) -> list[tuple[int, int]]:

@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from host.clock import ClockEstimator, EstimatorSettings
+from host.clock.device_clock import ClockEstimator, EstimatorSettings
 
 S = 1_000_000  # us
 OFFSET_NS = 123_456_789_012_345

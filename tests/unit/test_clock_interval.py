@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.clock_links import can, ftdi, usb
-from host.clock_interval import RoundTrips
-from host.clock_remap import remap
+from host.clock.interval import RoundTrips
+from host.clock.remap import remap
 
 MODULUS = 2**32
 

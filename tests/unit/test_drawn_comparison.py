@@ -11,7 +11,7 @@ import pytest
 from analysis.reporting import figure_style as look
 from analysis.series import OrientationSeries
 from analysis.writers.parquet import parquet_bytes
-from host.drawn_comparison import shows_the_same
+from host.submission.drawn_comparison import shows_the_same
 
 
 def figure(shift=0.0, label="θ̄ = 0.718°"):

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from host.alarms import HOLD_S, AlarmWatch
-from host.guide import Guide, GuideSettings
+from host.capture.alarms import HOLD_S, AlarmWatch
+from host.capture.guide import Guide, GuideSettings
 from host.loss_ledger import LossReport
 from host.trial_state import CycleRow, LinkView, MotionView, SensorView, TrialState
 

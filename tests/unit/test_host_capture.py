@@ -16,13 +16,13 @@ from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Ack, AckCode, GetInfo, Info
 from firmware_protocol.serial_framing import encode_frame
 from firmware_protocol.stream import StreamDecoder
-from host import capture_run
-from host.capture import Capture, CaptureSettings
+from host.capture import run as capture_run
+from host.capture.loop import Capture, CaptureSettings
 from host.errors import FileError, LinkError, LinkLostError, NoAnswerError, WrongObjectError
-from host.recorded_trial import load_trial
-from host.recording import RecordingWriter
-from host.recording_reader import RecordingReader
-from host.screen import QuietScreen
+from host.recording.reader import RecordingReader
+from host.recording.recorded_trial import load_trial
+from host.recording.writer import RecordingWriter
+from host.screen.screens import QuietScreen
 from host.session import SessionSettings
 from host.transports.chunks import Chunk
 from host.transports.memory import MemoryTransport

@@ -7,10 +7,10 @@ import pytest
 from rich.cells import cell_len
 from rich.console import Console
 
-from host.big_digits import big_text
 from host.dashboard import render
+from host.dashboard.big_digits import big_text
 from host.loss_ledger import LossReport
-from host.screen import LineScreen, QuietScreen, open_screen
+from host.screen.screens import LineScreen, QuietScreen, open_screen
 from host.trial_state import Alarm, CycleRow, LinkView, MotionView, RecordingView, SensorView, TrialState
 
 

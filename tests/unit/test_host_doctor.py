@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from emulator.faults import FaultSettings
-from host import machine_check
-from host.findings import Finding, Verdict, judged
-from host.link_check import check_link
+from host.doctor import machine_check
+from host.doctor.findings import Finding, Verdict, judged
+from host.doctor.link_check import check_link
 from host.transports.can_listing import CanPort
 from host.transports.serial_listing import SerialPort
 from host.virtual_object_process import VirtualObjectProcess

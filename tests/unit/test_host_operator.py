@@ -15,11 +15,11 @@ from analysis.series import SeriesError
 from analysis.trial_score import ExcludedCycle
 from analysis.uncertainty import drift_interval
 from host import operator_actions as did
+from host.capture.operator_desk import OperatorDesk
 from host.dashboard import View
 from host.operator_actions import OperatorAction, action_of, edits_of
-from host.operator_desk import OperatorDesk
 from host.running_score import OUTSIDE, RunningScore
-from host.screen_keys import KeyReader, ScreenAction
+from host.screen.keys import KeyReader, ScreenAction
 from host.trial import Trial
 from host.trial_state import CycleRow, TrialState, WindowView
 
@@ -136,7 +136,7 @@ def test_special_keys_and_pastes_are_no_keys():
 
 
 def test_an_action_survives_its_message():
-    from host import recording_format as fmt
+    from host.recording import format as fmt
 
     for action in (OperatorAction(did.EXCLUDE, 9.0, "slipped, “hard”", 4.0, 8.0), OperatorAction("finish", 3.5)):
         again = action_of(fmt.TYPES[fmt.ACTION].decode(fmt.TYPES[fmt.ACTION].encode(action.values())))
@@ -235,8 +235,8 @@ def test_the_desk_records_every_action():
 
 
 def test_actions_come_back_only_once_and_only_to_their_object():
-    from host.capture_several import _ObjectScreen, _SharedScreen
-    from host.screen import QuietScreen
+    from host.capture.several import _ObjectScreen, _SharedScreen
+    from host.screen.screens import QuietScreen
 
     class Pressed(QuietScreen):
         waiting = (ScreenAction("marker", 1), ScreenAction("marker", 0), ScreenAction("finish", 1))

@@ -7,7 +7,7 @@ from firmware_protocol.packets import Ack, AckCode, Info, OrientationBatch, Pack
 from firmware_protocol.stream import StreamDecoder
 from host.errors import LinkError, LinkLostError, WrongObjectError
 from host.link import Link, coalesced
-from host.recorded_trial import assemble
+from host.recording.recorded_trial import assemble
 from host.samples import HELD_NS, SampleAssembler
 from host.session import Phase, Session, SessionSettings
 from host.transports.chunks import Chunk

@@ -8,11 +8,11 @@ from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import TimeReply, TimeRequest
 from firmware_protocol.serial_framing import encode_frame
 from firmware_protocol.stream import encode_command
-from host.recorded_round_trips import RecordedRoundTrips
-from host.recorded_trial import load_trial
-from host.recording import RecordingWriter
+from host.recording.recorded_trial import load_trial
+from host.recording.round_trips import RecordedRoundTrips
+from host.recording.trial_assembly import TrialAssembly
+from host.recording.writer import RecordingWriter
 from host.transports.chunks import Chunk, FrameChunk
-from host.trial_assembly import TrialAssembly
 from tests.can_traffic import object_at, timed
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks
 

@@ -6,7 +6,7 @@ import pytest
 from analysis.drift import rotation_drift
 from firmware_protocol.packets import OrientationBatch
 from host.link import Link
-from host.recorded_trial import assemble, load_trial
+from host.recording.recorded_trial import assemble, load_trial
 from host.samples import SampleAssembler, series_of
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
 

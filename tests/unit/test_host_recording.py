@@ -16,12 +16,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_protocol.packets import Info, Status
-from host import recording_format as fmt
 from host.errors import FileError
-from host.recording import RecordingWriter
-from host.recording_reader import RecordingReader, is_our_recording
-from host.recording_sink import RecordingSink
-from host.ros_message import RosField, RosMessageType
+from host.recording import format as fmt
+from host.recording.reader import RecordingReader, is_our_recording
+from host.recording.ros_message import RosField, RosMessageType
+from host.recording.sink import RecordingSink
+from host.recording.writer import RecordingWriter
 from host.transports import open_transport
 from host.transports.chunks import Chunk, FrameChunk, LinkEnd
 from host.transports.replay import ReplayTransport
@@ -123,10 +123,10 @@ def test_ros_opens_the_recording_and_reads_every_channel(recording):
 def test_the_reader_of_bags_finds_the_same_orientations_as_the_raw_bytes(tmp_path):
     pytest.importorskip("rosbags")
     from analysis.readers import read_series
-    from host.capture import CaptureSettings
-    from host.capture_run import run_capture
-    from host.recorded_trial import load_trial
-    from host.screen import QuietScreen
+    from host.capture.loop import CaptureSettings
+    from host.capture.run import run_capture
+    from host.recording.recorded_trial import load_trial
+    from host.screen.screens import QuietScreen
     from tests.recorded_trials import scenario, virtual_chunks, write_recording
 
     virtual, _ = virtual_chunks(scenario("ideal"), duration_s=4.0)

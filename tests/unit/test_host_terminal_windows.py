@@ -8,7 +8,7 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-import host.terminal
+import host.screen.terminal
 
 
 class Console:
@@ -44,7 +44,7 @@ def windows(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "msvcrt", console.modules())
     monkeypatch.setattr(ctypes, "windll", SimpleNamespace(kernel32=console.kernel()), raising=False)
     monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((132, 43)))
-    spec = importlib.util.spec_from_file_location("terminal_of_windows", host.terminal.__file__)
+    spec = importlib.util.spec_from_file_location("terminal_of_windows", host.screen.terminal.__file__)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module, console, tmp_path / "CONOUT$"

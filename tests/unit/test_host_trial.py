@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from host.capture.playback import play
 from host.link import Link
-from host.playback import play
 from host.rate_meter import RateMeter
-from host.recorded_trial import assemble
-from host.result import result_text, samples_per_cycle, score_trial
+from host.recording.recorded_trial import assemble
 from host.running_score import MAX_ROWS
-from host.screen import QuietScreen
+from host.scoring.result import result_text, samples_per_cycle, score_trial
+from host.screen.screens import QuietScreen
 from host.stop_signals import StopSignals
 from host.transports.chunks import Chunk
 from host.transports.replay import ReplayTransport

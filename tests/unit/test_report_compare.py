@@ -167,9 +167,9 @@ def test_very_long_names_leave_room_for_the_plot():
 @pytest.fixture
 def bundles(tmp_path):
     from analysis.writers.series_csv import csv_text
-    from host.cards import parse_cards
-    from host.submission import build_submission
-    from host.submission_source import TrialSource
+    from host.cards.definitions import parse_cards
+    from host.submission.contents import build_submission
+    from host.submission.source import TrialSource
     from tests.scored_trials import scored
 
     for hand, drift in (("T42", 0.3), ("NDX", 2.0)):

@@ -13,9 +13,9 @@ from rich.console import Console
 
 from analysis.scoring import score_series
 from analysis.series import OrientationSeries
-from host.score_batch import BatchRow
-from host.score_table import print_batch
-from host.score_view import print_score
+from host.scoring.batch import BatchRow
+from host.scoring.table import print_batch
+from host.scoring.view import print_score
 from tests.simulated_motion import simulate
 
 

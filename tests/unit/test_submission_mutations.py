@@ -12,14 +12,14 @@ from pathlib import Path
 
 import pytest
 
-import host.verification
+import host.submission.verification
 from analysis.reporting.bundle import MANIFEST, bundle_bytes, manifest_text, read_bundle
 from analysis.writers.series_csv import csv_text
-from host.cards import parse_cards
+from host.cards.definitions import parse_cards
 from host.cli import main
-from host.submission import build_submission
-from host.submission_source import TrialSource
-from host.verification import verify_files
+from host.submission.contents import build_submission
+from host.submission.source import TrialSource
+from host.submission.verification import verify_files
 from tests.scored_trials import scored
 
 CARDS = """
@@ -74,7 +74,7 @@ def verified(monkeypatch, sources, drawn, undrawn):
             return made
         return build_submission(found, title=title, versions=versions, drawings=drawings, accept=accept)
 
-    monkeypatch.setattr(host.verification, "build_submission", remembered)
+    monkeypatch.setattr(host.submission.verification, "build_submission", remembered)
 
     def verify(files, **changes):
         whole = {**files, **changes.pop("changed", {})}

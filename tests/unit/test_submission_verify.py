@@ -9,13 +9,13 @@ from msgspec import structs
 from analysis.reporting.bundle import MANIFEST, bundle_bytes, manifest_text
 from analysis.writers import write_series
 from analysis.writers.series_csv import csv_text
-from host.cards import Cards, parse_cards
+from host.cards.definitions import Cards, parse_cards
 from host.errors import FileError, UsageError
-from host.submission import build_submission, made_with
-from host.submission_format import parse_submission, submission_schema
-from host.submission_source import Choices, TrialSource, load_source
-from host.trial_labels import trial_labels
-from host.verification import verify_bundle
+from host.submission.contents import build_submission, made_with
+from host.submission.format import parse_submission, submission_schema
+from host.submission.source import Choices, TrialSource, load_source
+from host.submission.trial_labels import trial_labels
+from host.submission.verification import verify_bundle
 from tests.scored_trials import scored
 
 CARDS = parse_cards("""

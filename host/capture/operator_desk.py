@@ -1,0 +1,95 @@
+"""Where the operator's keys meet the capture: each is recorded as an event, and some change the running score."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from host import operator_actions as did
+from host.operator_actions import OperatorAction
+from host.screen.keys import ScreenAction
+from host.trial import Trial
+from host.trial_state import OperatorMark, WindowView
+
+MAX_MARKS = 20
+"""Markers and notes kept for the screen."""
+
+
+class OperatorDesk:
+    """Takes the operator's actions of one capture.
+
+    Parameters
+    ----------
+    trial : Trial
+        Whose running score is edited.
+    record : callable
+        Given every action, to be written to the recording.
+    mark : callable
+        Given the number of a marker, to be sent to the object.
+    """
+
+    def __init__(
+        self, trial: Trial, record: Callable[[OperatorAction], None], mark: Callable[[int], None] | None = None
+    ) -> None:
+        self._trial = trial
+        self._record = record
+        self._mark = mark
+        self._marks: deque[OperatorMark] = deque(maxlen=MAX_MARKS)
+        self._n_markers = 0
+        self.finished = False
+        """Whether the operator asked for the end."""
+
+    @property
+    def marks(self) -> tuple[OperatorMark, ...]:
+        """The last markers and notes."""
+        return tuple(self._marks)
+
+    def take(self, action: ScreenAction) -> None:
+        """Take what was pressed; an action that makes no sense now does nothing."""
+        score, now_s = self._trial.score, self._trial.newest_s
+        if action.kind == "marker":
+            self._n_markers += 1
+            self._add_mark(did.MARKER, f"marker {self._n_markers}")
+            if self._mark is not None:
+                self._mark(self._n_markers)
+        elif action.kind == "note":
+            self._add_mark(did.NOTE, action.text)
+        elif action.kind == "window":
+            window = score.window
+            starts = window is None or window.to_s is not None
+            score.set_window(
+                WindowView(now_s, None) if starts else WindowView(window.from_s if window else None, now_s)
+            )
+            self._record(OperatorAction(did.WINDOW_START if starts else did.WINDOW_STOP, now_s))
+        elif action.kind == "exclude" and action.cycle is not None:
+            self._record_cycle(did.EXCLUDE, score.leave_out(action.cycle, action.text), action.text)
+        elif action.kind == "include" and action.cycle is not None:
+            self._record_cycle(did.INCLUDE, score.take_back(action.cycle))
+        else:
+            self.finished = self.finished or action.kind == "finish"
+            self._record(OperatorAction(action.kind, now_s, action.text))
+
+    def repeat(self, action: OperatorAction) -> None:
+        """Do again what a recording says was done: for the replay."""
+        score = self._trial.score
+        if action.kind == did.WINDOW_START:
+            score.set_window(WindowView(action.time_s, None))
+        elif action.kind == did.WINDOW_STOP:
+            score.set_window(WindowView(None if score.window is None else score.window.from_s, action.time_s))
+        elif action.kind in {did.EXCLUDE, did.INCLUDE}:
+            number = score.number_at(action.from_s, action.to_s)
+            if number is not None and action.kind == did.EXCLUDE:
+                score.leave_out(number, action.text)
+            elif number is not None:
+                score.take_back(number)
+        elif action.kind in {did.MARKER, did.NOTE}:
+            self._marks.append(OperatorMark(action.time_s, action.text))
+
+    def _add_mark(self, kind: str, text: str) -> None:
+        now_s = self._trial.newest_s
+        self._marks.append(OperatorMark(now_s, text))
+        self._record(OperatorAction(kind, now_s, text))
+
+    def _record_cycle(self, kind: str, times_s: tuple[float, float] | None, text: str = "") -> None:
+        if times_s is not None:
+            self._record(OperatorAction(kind, self._trial.newest_s, text, *times_s))

@@ -1,0 +1,109 @@
+"""A recording through the same path as a live capture, at any speed."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from host.capture.alarms import AlarmWatch
+from host.capture.operator_desk import OperatorDesk
+from host.operator_actions import OperatorAction, action_of
+from host.recording import format as fmt
+from host.recording.reader import RecordingReader
+from host.screen.screens import Screen
+from host.transports.chunks import LinkEnd, Transport
+from host.trial import Trial
+from host.trial_state import LinkView, RecordingView, TrialState
+
+STATE_NS = 200_000_000
+"""Between two states for the screen, where nothing happens that a person waits for: as often as it is drawn."""
+READ_S = 0.05
+
+
+def recorded_actions(path: Path) -> list[OperatorAction]:
+    """Read what the operator did during a capture.
+
+    Raises
+    ------
+    FileError
+        Not a recording.
+    """
+    actions = []
+    for message in RecordingReader(path).messages({fmt.ACTION}):
+        with contextlib.suppress(ValueError, KeyError):  # damage is told when the recording is scored
+            actions.append(action_of(message.values()))
+    return actions
+
+
+def play(
+    transport: Transport,
+    trial: Trial,
+    screen: Screen,
+    stop: threading.Event,
+    speed: float = 1.0,
+    actions: Sequence[OperatorAction] = (),
+) -> TrialState | None:
+    """Feed a replay into a trial until its end.
+
+    Nobody else waits for these chunks, so this thread reads them itself.
+
+    Parameters
+    ----------
+    transport : Transport
+        A replay; it does the pacing.
+    trial : Trial
+        Fresh.
+    screen : Screen
+        Started; shows the recording's own time. Of its keys only those count that change no trial.
+    stop : threading.Event
+        Ends it early.
+    speed : float
+        As given to the replay: how much recorded time passes between two pictures.
+    actions : sequence of OperatorAction
+        What the operator did then; done again when its time comes.
+
+    Returns
+    -------
+    TrialState or None
+        The last picture; None where it was ended early.
+    """
+    desk, alarms = OperatorDesk(trial, lambda _: None), AlarmWatch()
+    waiting = deque(actions)
+    first_ns: int | None = None
+    told_ns = now_ns = 0
+
+    def picture() -> TrialState:
+        info = trial.assembler.info
+        link = LinkView(name=transport.name, expected_rate_hz=None if info is None else info.rate_hz)
+        state = trial.state(now_ns, 0.0 if first_ns is None else (now_ns - first_ns) / 1e9, link)
+        recording = RecordingView(transport.name.removeprefix("replay:"), trial.link.n_bytes)
+        state = replace(state, recording=recording, marks=desk.marks, replayed=True)
+        return replace(state, alarms=alarms.update(state))
+
+    while not stop.is_set():
+        if any(action.kind == "finish" for action in screen.actions()):
+            break
+        try:
+            chunk = transport.read(READ_S)
+        except LinkEnd:
+            for row in trial.finish().cycles:
+                screen.cycle(row)
+            for action in waiting:
+                desk.repeat(action)
+            return picture()
+        if chunk is None:
+            continue
+        now_ns = chunk.host_time_ns
+        first_ns = now_ns if first_ns is None else first_ns
+        for row in trial.feed(chunk).cycles:
+            screen.cycle(row)
+        while waiting and not waiting[0].time_s > trial.newest_s:
+            desk.repeat(waiting.popleft())
+        if now_ns - told_ns >= STATE_NS * max(1.0, speed):
+            told_ns = now_ns
+            screen.update(picture())
+    return None

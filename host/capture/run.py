@@ -1,0 +1,236 @@
+"""A whole capture for a command: open, record, score, write the result beside the recording."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import threading
+import time
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from analysis.baseline import StaticBaseline
+from analysis.series import AnalysisError
+from analysis.trial_score import TrialScore
+from host.capture.loop import Capture, CaptureOutcome, CaptureSettings
+from host.errors import FileError, LinkError
+from host.recording.recorded_trial import RecordedTrial, load_trial
+from host.recording.writer import RecordingWriter
+from host.scoring.result import ScoreOptions, score_trial, write_result
+from host.screen.screens import Screen
+from host.transports import open_lasting
+from host.transports.link_log import LinkLog
+from host.trial import Trial
+from host.trial_state import TrialState
+
+DEFAULT_FOLDER = Path("rotdrift-trials")
+HOLD_S = 3600.0
+"""How long the result of a guided trial stays on the screen."""
+
+
+@dataclass(frozen=True, slots=True)
+class FinishedCapture:
+    """What a capture left behind."""
+
+    outcome: CaptureOutcome
+    score: TrialScore
+    trial: RecordedTrial
+    recording: Path
+    result: Path
+
+
+def default_recording(now: datetime, folder: Path = DEFAULT_FOLDER) -> Path:
+    """Choose a name that does not exist yet: the date and time of the start."""
+    # Milliseconds, because two captures may well be started in the same second.
+    stem = f"{now:%Y-%m-%d_%H-%M-%S}-{now.microsecond // 1000:03d}"
+    for number in range(1, 1000):
+        path = folder / (f"{stem}.mcap" if number == 1 else f"{stem}_{number}.mcap")
+        if not path.exists() and not path.with_suffix(".json").exists():
+            return path
+    raise FileError(f"{folder} has a thousand recordings of {stem}", "give a name with --out")
+
+
+def run_capture(
+    link: str,
+    recording_path: Path,
+    settings: CaptureSettings,
+    screen: Screen,
+    stop: threading.Event,
+    options: ScoreOptions | None = None,
+) -> FinishedCapture:
+    """Capture one trial and score it.
+
+    Parameters
+    ----------
+    link : str
+        URI.
+    recording_path : Path
+        Must not exist; the result goes beside it, with the ending ``.json``.
+    settings : CaptureSettings
+        When to end.
+    screen : Screen
+        Who watches.
+    stop : threading.Event
+        Ends the capture in order.
+    options : ScoreOptions, optional
+        For the score at the end.
+
+    Raises
+    ------
+    LinkError
+        The link cannot be opened, or nothing to score came from it.
+    FileError
+        Recording or result exist already or cannot be written.
+    """
+    result_path = recording_path.with_suffix(".json")
+    if result_path.exists():
+        raise FileError(f"{result_path} exists already", "give another name with --out, or move it away")
+    baseline = None if options is None or options.baseline is None else _baseline(options.baseline)
+    try:
+        outcome = record(link, recording_path, settings, screen, stop, baseline, keep_screen=True)
+        finished = _finish(outcome, recording_path, result_path, options)
+        screen.update(finished_state(outcome.last_state, finished.score))
+        if settings.guide is not None:
+            end_s = time.monotonic() + HOLD_S
+            while not stop.is_set() and time.monotonic() < end_s and not screen.hold(0.2):
+                pass
+    finally:
+        screen.stop()
+    return finished
+
+
+def finished_state(live: TrialState, score: TrialScore) -> TrialState:
+    """Make the last picture: the result in place of the provisional figures, and what the difference is."""
+    return replace(
+        live,
+        finished=True,
+        provisional_deg=live.theta_bar_deg,
+        theta_bar_deg=score.theta_bar_deg,
+        interval_deg=score.interval_deg,
+        half_width_deg=None if score.interval is None else score.interval.half_width_deg,
+        summary=difference_sentence(live.theta_bar_deg, score),
+    )
+
+
+def difference_sentence(live_deg: float | None, score: TrialScore) -> str:
+    """Say in one sentence how the result differs from what the live view had."""
+    if score.theta_bar_deg is None:
+        return f"no score: {score.reasons[0]}" if score.reasons else "no score"
+    if live_deg is None:
+        return f"the live view had no score yet; the result has {len(score.endpoints) - 1} cycles"
+    return f"live {live_deg:.3f}°, the result differs by {score.theta_bar_deg - live_deg:+.3f}°"
+
+
+def _baseline(path: Path) -> StaticBaseline:
+    """Load a baseline for the live view, before a minute is spent on a trial that cannot use it."""
+    from analysis.baseline_file import load_baseline
+
+    try:
+        return load_baseline(path)
+    except FileNotFoundError as error:
+        raise FileError(f"there is no file {path}", "check the path") from error
+    except (AnalysisError, OSError) as error:
+        raise FileError(f"the baseline {path} cannot be used ({error})", "measure one: `rotdrift baseline`") from error
+
+
+def record(
+    link: str,
+    recording_path: Path,
+    settings: CaptureSettings,
+    screen: Screen,
+    stop: threading.Event,
+    baseline: StaticBaseline | None = None,
+    keep_screen: bool = False,
+) -> CaptureOutcome:
+    """Capture one recording, without scoring it.
+
+    Parameters
+    ----------
+    link, recording_path, settings, screen, stop
+        As for :func:`run_capture`.
+    baseline : StaticBaseline, optional
+        Of the sensor, for the floor that the live view shows.
+    keep_screen : bool
+        Whether the screen stays for the caller to stop.
+
+    Raises
+    ------
+    LinkError
+        The link cannot be opened, or not a single sample came from it.
+    FileError
+        The recording exists already or cannot be written.
+    """
+    transport = open_lasting(link, settings.reconnect_s)
+    interface = getattr(transport, "interface_name", "")
+    if settings.debug_link is not None:
+        transport = LinkLog(transport, settings.debug_link)
+    try:
+        wall_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
+        described: dict[str, Any] = {
+            "cycles": settings.cycles,
+            "duration_s": settings.duration_s,
+            "rate_hz": settings.session.rate_hz,
+            "until_half_width_deg": settings.until_half_width_deg,
+        }
+        if interface:
+            described["interface"] = interface
+        writer = RecordingWriter(recording_path, transport.name, wall_ns, monotonic_ns, described)
+    except BaseException:
+        transport.close()
+        raise
+    trial = Trial(
+        "rotdrift capture",
+        settings.cycles,
+        settings.duration_s,
+        transport.node,
+        settings.until_half_width_deg,
+        baseline,
+    )
+    threading.Thread(target=_load_slow_modules, name="rotdrift-imports", daemon=True).start()
+    screen.start()
+    try:
+        outcome = Capture(transport, writer, trial, screen, settings, stop).run()
+    finally:
+        if not keep_screen:
+            screen.stop()
+    if not trial.assembler.segments:
+        _remove_empty(recording_path)
+        raise outcome.error or LinkError(
+            f"the capture ended before the first sample ({outcome.reason})", "wait until the object streams"
+        )
+    return outcome
+
+
+def _finish(
+    outcome: CaptureOutcome, recording_path: Path, result_path: Path, options: ScoreOptions | None
+) -> FinishedCapture:
+    captured: dict[str, Any] = {
+        "recording": str(recording_path),
+        "ended": outcome.reason,
+        "error": None if outcome.error is None else str(outcome.error),
+        "warnings": list(outcome.warnings),
+        "elapsed_s": outcome.elapsed_s,
+        "clock": outcome.clock,
+        "live_theta_bar_deg": outcome.last_state.theta_bar_deg,
+    }
+    try:
+        trial = load_trial(recording_path, outcome.unwritten)
+        score = score_trial(trial, options, captured)
+    except AnalysisError as error:
+        raise FileError(f"{recording_path} cannot be scored ({error})", "the recording is kept") from error
+    write_result(score, result_path)
+    return FinishedCapture(outcome, score, trial, recording_path, result_path)
+
+
+def _load_slow_modules() -> None:
+    """Import beside the capture what would otherwise be imported in the middle of it, and stall it for a second."""
+    for name in ("scipy.ndimage", "scipy.stats"):
+        importlib.import_module(name)
+
+
+def _remove_empty(path: Path) -> None:
+    """Remove a recording without a single sample, so that the next try may have its name."""
+    with contextlib.suppress(OSError):
+        path.unlink()

@@ -1,0 +1,150 @@
+"""Several objects at once: a capture each, in threads, one screen for all."""
+
+from __future__ import annotations
+
+import threading
+from collections import defaultdict, deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from host.capture.loop import CaptureSettings
+from host.capture.run import FinishedCapture, run_capture
+from host.errors import HostError
+from host.scoring.result import ScoreOptions
+from host.screen.keys import ScreenAction
+from host.screen.screens import Screen
+from host.trial_state import CycleRow, TrialState
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectOutcome:
+    """How the capture of one of several objects ended."""
+
+    link: str
+    finished: FinishedCapture | None
+    """None where there is nothing to score."""
+    error: HostError | None
+
+    @property
+    def exit_code(self) -> int:
+        """As of a capture of this object alone."""
+        if self.error is not None:
+            return self.error.exit_code
+        return 0 if self.finished is not None and self.finished.score.valid else 1
+
+    @property
+    def result(self) -> dict[str, Any] | None:
+        """The score as JSON values."""
+        return None if self.finished is None else dict(self.finished.score.to_json())
+
+
+class _SharedScreen:
+    """One screen for several captures: hands every capture the keys that are meant for it."""
+
+    def __init__(self, screen: Screen, stop: threading.Event) -> None:
+        self.screen = screen
+        self._stop = stop
+        self._lock = threading.Lock()
+        self._waiting: dict[int, deque[ScreenAction]] = defaultdict(deque)
+
+    def actions(self, index: int) -> list[ScreenAction]:
+        with self._lock:
+            for action in self.screen.actions():
+                self._waiting[action.index].append(action)
+                if action.kind == "finish":
+                    self._stop.set()  # it ends them all
+            taken = list(self._waiting[index])
+            self._waiting[index].clear()
+        return taken
+
+
+class _ObjectScreen:
+    """The screen as one of the captures sees it."""
+
+    def __init__(self, shared: _SharedScreen, index: int) -> None:
+        self._shared = shared
+        self._index = index
+
+    def start(self) -> None:
+        """Nothing: it is up already."""
+
+    def update(self, state: TrialState, index: int = 0) -> None:
+        del index  # ours is the one that counts
+        self._shared.screen.update(state, self._index)
+
+    def cycle(self, row: CycleRow, index: int | None = None) -> None:
+        del index
+        self._shared.screen.cycle(row, self._index)
+
+    def say(self, sentence: str) -> None:
+        self._shared.screen.say(f"object {self._index + 1}: {sentence}")
+
+    def actions(self) -> list[ScreenAction]:
+        return self._shared.actions(self._index)
+
+    def hold(self, timeout_s: float) -> bool:
+        return self._shared.screen.hold(timeout_s)
+
+    def stop(self) -> None:
+        """Nothing: others may still use it."""
+
+
+def capture_several(
+    links: Sequence[str],
+    recordings: Sequence[Path],
+    settings: CaptureSettings,
+    screen: Screen,
+    stop: threading.Event,
+    options: ScoreOptions | None = None,
+) -> list[ObjectOutcome]:
+    """Capture several objects; one that fails leaves the others alone.
+
+    Parameters
+    ----------
+    links : sequence of str
+        URIs; nodes of one CAN bus are links with different ``?node=``.
+    recordings : sequence of Path
+        One for each.
+    settings, options
+        For all of them.
+    screen : Screen
+        Started and stopped here.
+    stop : threading.Event
+        Ends them all.
+
+    Returns
+    -------
+    list of ObjectOutcome
+        In the order of the links.
+    """
+    shared = _SharedScreen(screen, stop)
+    outcomes: dict[int, ObjectOutcome] = {}
+
+    def capture(index: int) -> None:
+        mine = _ObjectScreen(shared, index)
+        try:
+            finished = run_capture(links[index], recordings[index], settings, mine, stop, options)
+            outcomes[index] = ObjectOutcome(links[index], finished, finished.outcome.error)
+        except HostError as error:
+            mine.say(str(error))
+            outcomes[index] = ObjectOutcome(links[index], None, error)
+
+    screen.start()
+    threads = [
+        threading.Thread(target=capture, args=(index,), name=f"rotdrift-object-{index + 1}")
+        for index in range(len(links))
+    ]
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        stop.set()
+        screen.stop()
+    return [
+        outcomes.get(index, ObjectOutcome(links[index], None, HostError("the capture failed")))
+        for index in range(len(links))
+    ]

@@ -1,0 +1,1 @@
+"""Object, hand and trial cards: what the benchmark card wants to know beside the score."""

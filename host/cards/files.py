@@ -1,0 +1,186 @@
+"""Which cards belong to a recording, and what the object says of itself."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from firmware_protocol.packets import Info, ObjectShape
+from host.cards.definitions import (
+    Cards,
+    Dimensions,
+    HandCard,
+    ObjectCard,
+    ObjectType,
+    TrialCard,
+    Weight,
+    load_cards,
+    merged,
+)
+from host.errors import FileError
+from host.plain_text import plain
+
+CARD_FILES = ("cards.toml", "object.toml", "hand.toml", "trial.toml")
+"""Names looked for beside a recording and in the folder above, after ``<name of the recording>.toml``."""
+
+MASS_TOLERANCE_G = 0.05
+LENGTH_TOLERANCE_MM = 0.05
+"""Differences below these are rounding: the object sends float32."""
+
+_SHAPES = {
+    ObjectShape.CUBE: ObjectType.CUBE,
+    ObjectShape.CYLINDER: ObjectType.CYLINDER,
+    ObjectShape.SPHERE: ObjectType.SPHERE,
+    ObjectShape.OTHER: ObjectType.OTHER,
+}
+
+
+@dataclass(frozen=True)
+class FoundCards:
+    """Cards of a recording and where they came from."""
+
+    cards: Cards
+    """Everything that was found, together."""
+    files: tuple[Path, ...]
+    """The files, the most specific first."""
+    notes: tuple[str, ...] = ()
+    """What to tell: fields the object filled in, and contradictions between card and object."""
+
+
+def find_cards(recording: Path, given: tuple[Path, ...] = ()) -> FoundCards:
+    """Collect the cards of a recording.
+
+    The order is: the files given, ``<stem>.toml`` beside the recording, :data:`CARD_FILES` beside it, the same in the
+    folder above. A field is taken from the first file that has it.
+
+    Parameters
+    ----------
+    recording : Path
+        The recording.
+    given : tuple of Path
+        Card files named by the user; they must exist.
+
+    Raises
+    ------
+    FileError
+        A card is wrong; the message names the file and the field.
+    """
+    folders = (recording.parent, recording.parent.parent) if recording.parent.name else (recording.parent,)
+    candidates = [*given, recording.with_suffix(".toml")]
+    candidates += [folder / name for folder in folders for name in CARD_FILES]
+    cards, files = Cards(), []
+    for path in candidates:
+        if path in files or (path not in given and not path.is_file()):
+            continue
+        if not path.is_file():
+            raise FileError(f"there is no card {path}", "check the path, or make one with `rotdrift init`")
+        cards = merged(cards, load_cards(path))
+        files.append(path)
+    return FoundCards(cards, tuple(files))
+
+
+def card_of_object(info: Info) -> ObjectCard:
+    """Turn what the object tells over the link (INFO) into a card; what it does not know stays out."""
+    said = info.card
+    size = said.size_mm
+    dimensions = None
+    if said.shape in {ObjectShape.CUBE, ObjectShape.OTHER} and _known(*size):
+        dimensions = Dimensions(x_mm=_round(size[0]), y_mm=_round(size[1]), z_mm=_round(size[2]))
+    elif said.shape == ObjectShape.CYLINDER and _known(*size[:2]):
+        dimensions = Dimensions(diameter_mm=_round(size[0]), length_mm=_round(size[1]))
+    elif said.shape == ObjectShape.SPHERE and _known(size[0]):
+        dimensions = Dimensions(diameter_mm=_round(size[0]))
+    known_mass = _known(said.mass_g) and said.mass_g > 0
+    return ObjectCard(
+        type=_SHAPES.get(said.shape),
+        dimensions=dimensions,
+        surface=plain(said.surface) or None,
+        mass_g=_round(said.mass_g) if known_mass else None,
+        com_mm=(_round(said.com_mm[0]), _round(said.com_mm[1]), _round(said.com_mm[2]))
+        if all(map(math.isfinite, said.com_mm))
+        else None,
+        weights=tuple(Weight(weight.slot, _round(weight.mass_g)) for weight in said.weights) if known_mass else None,
+        mounting_q_body_sensor=_mounting(said.mounting_q_body_sensor),
+        id=f"{info.device_id:016x}",
+        name=plain(info.name) or None,
+    )
+
+
+def with_object(cards: Cards, info: Info | None) -> tuple[Cards, tuple[str, ...]]:
+    """Fill the object card with what the object said, and compare the two.
+
+    The file wins, because a person measured it; the difference is said.
+
+    Returns
+    -------
+    cards, notes
+        The filled cards, and one sentence for each field that was filled in or that differs.
+    """
+    if info is None:
+        return cards, ()
+    said = card_of_object(info)
+    notes, filled = [], []
+    for name in ObjectCard.__struct_fields__:
+        from_card, from_object = getattr(cards.object, name), getattr(said, name)
+        if from_object is None:
+            continue
+        if from_card is None:
+            filled.append(name)
+        elif not _agree(name, from_card, from_object):
+            notes.append(
+                f"object.{name}: the card says {_shown(from_card)}, the object says {_shown(from_object)}; "
+                "the card is reported"
+            )
+    if filled:
+        notes.append(f"told by the object itself: {', '.join('object.' + name for name in filled)}")
+    return merged(cards, Cards(said, HandCard(), TrialCard())), tuple(notes)
+
+
+def _agree(name: str, one: object, other: object) -> bool:
+    if isinstance(one, Dimensions) and isinstance(other, Dimensions):
+        pairs = [(getattr(one, key), getattr(other, key)) for key in Dimensions.__struct_fields__]
+        return all(a == b or bool(a and b and abs(a - b) <= LENGTH_TOLERANCE_MM) for a, b in pairs)
+    if name == "weights" and isinstance(one, tuple) and isinstance(other, tuple):
+        first, second = ({w.slot: w.mass_g for w in weights} for weights in (one, other))
+        return first.keys() == second.keys() and all(
+            abs(first[slot] - second[slot]) <= MASS_TOLERANCE_G for slot in first
+        )
+    if name == "mounting_q_body_sensor" and isinstance(one, tuple) and isinstance(other, tuple):
+        cosine = float(sum(a * b for a, b in zip(one, other, strict=True)))
+        return abs(cosine) > 1.0 - 1e-6  # q and -q are the same
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return all(abs(a - b) <= LENGTH_TOLERANCE_MM for a, b in zip(one, other, strict=True))
+    if isinstance(one, float | int) and isinstance(other, float | int):
+        return abs(one - other) <= MASS_TOLERANCE_G
+    if isinstance(one, str) and isinstance(other, str):
+        return one.strip().lower() == other.strip().lower()
+    return one == other
+
+
+def _mounting(q_wxyz: tuple[float, float, float, float]) -> tuple[float, float, float, float] | None:
+    """As sent; None where it is the identity, which objects also send when they do not know."""
+    if not all(map(math.isfinite, q_wxyz)) or abs(math.hypot(*q_wxyz) - 1.0) > 1e-2 or abs(q_wxyz[0]) > 1.0 - 1e-9:
+        return None
+    w, x, y, z = (round(part, 7) for part in q_wxyz)
+    return (w, x, y, z)
+
+
+def _known(*values: float) -> bool:
+    return all(math.isfinite(value) and value > 0 for value in values)
+
+
+def _round(value: float) -> float:
+    return round(float(value), 4)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, Dimensions):
+        return ", ".join(f"{k} = {v:g}" for k in Dimensions.__struct_fields__ if (v := getattr(value, k)) is not None)
+    if isinstance(value, ObjectType):
+        return value.value
+    if isinstance(value, tuple):
+        if value and isinstance(value[0], Weight):
+            return ", ".join(f"slot {weight.slot}: {weight.mass_g:g} g" for weight in value)
+        return "(" + ", ".join(f"{part:g}" for part in value) + ")"
+    return f"{value:g}" if isinstance(value, float) else plain(value)

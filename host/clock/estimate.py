@@ -1,0 +1,101 @@
+"""What the clock estimator is set to, and what it says: frozen, with everything a reader needs to judge it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from host.clock.envelope import DelayLine
+
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorSettings:
+    """What the estimate looks back on, and what it calls a step."""
+
+    window_s: float = 60.0
+    """Length of the window. The crystal's wander over it is an error, and so is a beat that is longer."""
+    bursty_window_s: float = 300.0
+    """Length for bursty links: the age of a burst's newest sample beats slowly against the burst's clock."""
+    burst_span_s: float = 0.012
+    """A link is bursty when most of its chunks span at least this much device time ..."""
+    burst_scatter_s: float = 0.003
+    """... or when of ten seconds' least delays one is this far above the line."""
+    max_skew_ppm: float = 500.0
+    """Steeper lines are not believed."""
+    wander_ppm: float = 5.0
+    """How far the skew may change unseen; widens the offset interval, and the bounds for steps after a gap."""
+    warm_uncertainty_ppm: float = 50.0
+    """The estimate is warm once the skew is known this well, or the window is full ..."""
+    warm_bins: int = 10
+    """... and so many seconds had data (and, if bursty, half the window has passed)."""
+    step_s: float = 0.02
+    """Arrivals this much before the line (plus twice the scatter) prove a step: nothing arrives before it is sent."""
+    late_step_s: float = 0.05
+    """Arrivals this much after the line (plus five times the scatter) are taken for a step ..."""
+    late_step_bins: int = 10
+    """... if they last for so many seconds with data. A round trip proves it at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockEstimate:
+    """Device time to host time, as known at one moment; the link's constant delay is in it."""
+
+    segment: int
+    """Number of the clock segment it holds for."""
+    reference_us: int
+    """Device time (unwrapped) at which the offset is given, the newest one heard, us."""
+    offset_ns: float
+    """Host minus device time at ``reference_us``, ns, by the lower envelope."""
+    delay_slope: float
+    """What the offset gains in device time, ns per us."""
+    skew_ppm: float
+    """Rate of the device clock over the host's, minus one; positive where the device is fast."""
+    skew_uncertainty_ppm: float
+    """What the link usually adds over the time the kept delays span: how far the line may turn. inf at first."""
+    offset_low_ns: float | None
+    """The true offset at ``reference_us`` is not below this, ns; None without round trips."""
+    offset_high_ns: float
+    """The true offset at ``reference_us`` is not above this, ns. It may be below ``offset_ns``, where round trips show
+    that all samples come with a constant delay."""
+    consistent: bool
+    """Whether the interval is one. If not, somebody stamps too early: the device, its reception of requests (by a
+    stale clock reading), or the host, its arrivals (before the read that brought them)."""
+    jitter_p50_ns: float
+    """Median of the arrival residuals (arrival minus mapped time of a chunk's newest sample), last 2048 chunks, ns."""
+    jitter_p99_ns: float
+    """Their 99th percentile, ns."""
+    warm: bool
+    """Whether the line can be relied on now: the skew is known well, or the window is full."""
+    warm_up_s: float | None
+    """Host time it took to become warm for the first time in this segment, s; None if it never was."""
+    n: int
+    """Chunks taken into account in this segment."""
+    n_bins: int
+    """Seconds with data in the window."""
+    n_round_trips: int
+    """Round trips that bound the offset."""
+    window_s: float
+    """Window in use, s."""
+    bursty: bool
+    """Whether the link is judged bursty."""
+    settings: EstimatorSettings
+    """What made it."""
+
+    def to_host_ns(self, device_unwrapped_us: npt.ArrayLike) -> IntArray:
+        """Map unwrapped device time of the same segment to host time.
+
+        Parameters
+        ----------
+        device_unwrapped_us : (...,) int64
+            us.
+
+        Returns
+        -------
+        (...,) int64
+            Host time, ns, monotonic.
+        """
+        return DelayLine(self.reference_us, self.offset_ns, self.delay_slope).to_host_ns(device_unwrapped_us)

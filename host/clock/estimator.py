@@ -1,0 +1,301 @@
+"""Where the device clock stands on the host's time line, learnt as chunks arrive.
+
+Only the newest sample of a chunk tells something: the others waited for it. Of these pairs (device time, host arrival)
+the least delayed one of every second is kept, and the line below the kept ones maps device to host time. A constant
+delay of the link cannot be seen one way; TIME_REQUEST round trips bound it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from host.clock.envelope import DelayLine, Point, envelope_line, line_with_slope, scatter_ns
+from host.clock.estimate import ClockEstimate, EstimatorSettings
+
+BIN_NS = 10**9
+"""Of every second of host time the least delay is kept."""
+RESIDUALS_KEPT = 2048
+"""Of so many chunks the jitter is stated."""
+ROUND_TRIPS_KEPT = 64
+"""So many of the last round trips bound the offset."""
+
+
+class ClockEstimator:
+    """Causal lower-envelope estimate; bounded memory, about a microsecond per chunk and a refit every second.
+
+    Parameters
+    ----------
+    settings
+        Windows and bounds.
+    """
+
+    def __init__(self, settings: EstimatorSettings | None = None) -> None:
+        self.settings = settings or EstimatorSettings()
+        self._segment = 0
+        self._known_slope: float | None = None  # of a warm time before: the crystal stays the same over a reset
+        self._start_segment()
+
+    @property
+    def segment(self) -> int:
+        """Number of the present segment, from 0."""
+        return self._segment
+
+    @property
+    def line(self) -> DelayLine | None:
+        """The mapping alone, as it stands; None before the segment's first sample."""
+        return self._line
+
+    @property
+    def bursty(self) -> bool:
+        """Whether the link is judged bursty now."""
+        return self._bursty
+
+    @property
+    def segment_start_ns(self) -> int:
+        """Arrival of the segment's first sample, ns; for a late step, which is seen late, before the call that told."""
+        return self._start_ns
+
+    def new_segment(self) -> int:
+        """Start anew: the device clock was reset, or may have been. The skew is kept as a first guess.
+
+        Returns
+        -------
+        int
+            The number of the new segment.
+        """
+        self._segment += 1
+        self._start_segment()
+        return self._segment
+
+    def _start_segment(self) -> None:
+        self._line: DelayLine | None = None  # None before the first sample
+        self._newest_us = 0
+        self._start_ns = 0
+        self._n = 0
+        self._warm_up_s: float | None = None
+        self._burst_share = 0.0
+        self._bursty = False
+        self._residuals: deque[float] = deque(maxlen=RESIDUALS_KEPT)
+        self._round_trips: deque[tuple[Point, Point]] = deque(maxlen=ROUND_TRIPS_KEPT)
+        self._forget_bins()
+
+    def _forget_bins(self) -> None:
+        self._bins: deque[Point] = deque()
+        self._late: list[Point] = []  # seconds in a row, up to the last one, far above the line
+        self._late_least_ns = float("inf")
+        self._open_bin = 0
+        self._open_point: Point | None = None
+        self._open_residual_ns = float("inf")
+        self._warm = False
+        self._scatter_ns = 0.0
+        self._slope_uncertainty = float("inf")  # ns per us
+
+    def feed(self, device_us: int, host_time_ns: int, span_us: int = 0) -> float | None:
+        """Take the newest sample of a chunk into account.
+
+        Parameters
+        ----------
+        device_us
+            Its device time, unwrapped, us.
+        host_time_ns
+            Arrival of the chunk, ns, monotonic.
+        span_us
+            Device time from the oldest to the newest sample of the chunk, us; tells bursty links.
+
+        Returns
+        -------
+        float or None
+            Mostly None. If the delay changed as only a step of the device clock does, by how much, ns; a new segment
+            has begun then, and this sample belongs to it.
+        """
+        delay_ns = host_time_ns - 1000 * device_us
+        step_ns = self._close_bin(host_time_ns) if host_time_ns // BIN_NS != self._open_bin else None
+        line = self._line
+        if line is None:
+            self._start_ns = host_time_ns
+            self._newest_us = device_us
+            line = self._line = DelayLine(device_us, float(delay_ns), self._known_slope or 0.0)
+        gap_us = max(0, device_us - self._newest_us)
+        residual_ns = delay_ns - line.delay_at(device_us)
+        if residual_ns < 0.0:
+            if self._warm and residual_ns < -self._early_bound_ns(gap_us):
+                self.new_segment()
+                self.feed(device_us, host_time_ns, span_us)
+                return residual_ns
+            # The line was too high: nothing arrives before it is sent.
+            line = self._line = line.lowered(-residual_ns)
+            residual_ns = 0.0
+        if gap_us > 1e6 * self._window_s():
+            # What was known of the offset is too old; of the skew it is the best guess.
+            self._forget_bins()
+            self._line = DelayLine(device_us, float(delay_ns), line.slope)
+            residual_ns = 0.0
+        self._open_bin = host_time_ns // BIN_NS
+        if residual_ns < self._open_residual_ns or residual_ns == 0.0:
+            self._open_point, self._open_residual_ns = (device_us, delay_ns), residual_ns
+        self._n += 1
+        self._newest_us = max(self._newest_us, device_us)
+        self._residuals.append(residual_ns)
+        self._burst_share += ((span_us >= 1e6 * self.settings.burst_span_s) - self._burst_share) / 64
+        return step_ns
+
+    def feed_round_trip(
+        self, host_send_ns: int, receive_us: int, transmit_us: int, host_receive_ns: int
+    ) -> float | None:
+        """Bound the offset by a TIME_REQUEST and its reply.
+
+        The request left before it was received and the reply was sent before it arrived, so at those device times the
+        offset is at least ``host_send - receive`` and at most ``host_receive - transmit``. Replies do not enter the
+        envelope: they are too few, and may be faster than samples, which would make the mapped time jitter.
+
+        Parameters
+        ----------
+        host_send_ns, host_receive_ns
+            Host time of request and reply, ns, monotonic.
+        receive_us, transmit_us
+            The device's two readings, unwrapped into this segment, us.
+
+        Returns
+        -------
+        float or None
+            As of :meth:`feed`. A round trip that contradicts itself is ignored.
+        """
+        low, high = (receive_us, host_send_ns - 1000 * receive_us), (transmit_us, host_receive_ns - 1000 * transmit_us)
+        slack_ns = 1e-3 * self.settings.max_skew_ppm * max(0, transmit_us - receive_us)
+        if transmit_us < receive_us or low[1] > high[1] + slack_ns:
+            return None
+        if self._warm and self._line is not None:
+            late_ns = low[1] - self._line.delay_at(receive_us)
+            if late_ns > self._early_bound_ns(max(0, receive_us - self._newest_us)):
+                self.new_segment()
+                return late_ns
+        self._round_trips.append((low, high))
+        return None
+
+    def estimate(self) -> ClockEstimate | None:
+        """Return what is known now; None before the segment's first sample."""
+        line = self._line
+        if line is None:
+            return None
+        settings = self.settings
+        at_us = self._newest_us
+        tolerance = min(self._slope_uncertainty, 1e-3 * settings.max_skew_ppm) + 1e-3 * settings.wander_ppm
+
+        def bound(point: Point, sign: int) -> float:
+            """Carry a bound over to ``at_us``, the wider the older it is."""
+            x, y = point
+            return y + line.slope * (at_us - x) + sign * tolerance * abs(at_us - x)
+
+        uppers = [*self._bins, *(high for _, high in self._round_trips)]
+        if self._open_point is not None:
+            uppers.append(self._open_point)
+        low_ns = max((bound(low, -1) for low, _ in self._round_trips), default=None)
+        high_ns = min(bound(point, 1) for point in uppers)
+        jitter = np.percentile(self._residuals, [50, 99]) if self._residuals else np.zeros(2)
+        return ClockEstimate(
+            segment=self._segment,
+            reference_us=at_us,
+            offset_ns=line.delay_at(at_us),
+            delay_slope=line.slope,
+            skew_ppm=1e6 * (1000.0 / (1000.0 + line.slope) - 1.0),
+            skew_uncertainty_ppm=1e3 * self._slope_uncertainty,
+            offset_low_ns=low_ns,
+            offset_high_ns=high_ns,
+            consistent=low_ns is None or low_ns <= high_ns,
+            jitter_p50_ns=float(jitter[0]),
+            jitter_p99_ns=float(jitter[1]),
+            warm=self._warm,
+            warm_up_s=self._warm_up_s,
+            n=self._n,
+            n_bins=len(self._window()),
+            n_round_trips=len(self._round_trips),
+            window_s=self._window_s(),
+            bursty=self._bursty,
+            settings=settings,
+        )
+
+    def _window_s(self) -> float:
+        return self.settings.bursty_window_s if self._bursty else self.settings.window_s
+
+    def _window(self) -> list[Point]:
+        oldest_us = self._newest_us - 1e6 * self._window_s()
+        return [point for point in self._bins if point[0] >= oldest_us]
+
+    def _early_bound_ns(self, gap_us: int) -> float:
+        settings = self.settings
+        return (
+            1e9 * settings.step_s
+            + 2 * self._scatter_ns
+            + (self._slope_uncertainty + 1e-3 * settings.wander_ppm) * gap_us
+        )
+
+    def _close_bin(self, host_time_ns: int) -> float | None:
+        """Keep the open bin's best point and refit; return the change of delay if it has been late for too long."""
+        point, self._open_point = self._open_point, None
+        residual_ns, self._open_residual_ns = self._open_residual_ns, float("inf")
+        if point is None:
+            return None
+        settings = self.settings
+        if self._warm and residual_ns > 1e9 * settings.late_step_s + 5 * self._scatter_ns:
+            # Not kept: so late, it tells nothing of the line, unless it goes on like this.
+            self._late.append(point)
+            self._late_least_ns = min(self._late_least_ns, residual_ns)
+            return self._restart_late(host_time_ns) if len(self._late) >= settings.late_step_bins else None
+        self._late, self._late_least_ns = [], float("inf")
+        if not self._bins or point[0] > self._bins[-1][0]:
+            self._bins.append(point)
+        oldest_us = self._newest_us - 1e6 * settings.bursty_window_s
+        while self._bins and self._bins[0][0] < oldest_us:
+            self._bins.popleft()
+        self._refit(host_time_ns)
+        return None
+
+    def _restart_late(self, host_time_ns: int) -> float:
+        """Begin a segment with the late seconds as its first."""
+        late, step_ns = sorted(self._late), self._late_least_ns
+        self.new_segment()
+        self._start_ns, self._newest_us = 1000 * late[0][0] + late[0][1], late[-1][0]
+        self._bins.extend(late)
+        self._refit(host_time_ns)
+        return step_ns
+
+    def _refit(self, host_time_ns: int) -> None:
+        settings = self.settings
+        self._judge_bursts()
+        points = self._window()
+        if not points:
+            return
+        line = envelope_line(points)
+        max_slope = 1e-3 * settings.max_skew_ppm
+        self._scatter_ns = scatter_ns(points, line)
+        span_us = points[-1][0] - points[0][0]
+        enough = len(points) >= settings.warm_bins
+        # While less than one beat has been seen, the kept delays scatter little although the line is wrong: what the
+        # link usually adds says how far a beat may go.
+        usual_ns = sorted(self._residuals)[len(self._residuals) // 2] if self._residuals else 0.0
+        spread_ns = max(self._scatter_ns, usual_ns)
+        self._slope_uncertainty = spread_ns / span_us if enough else float("inf")
+        if self._bursty:  # bursts are of one age for minutes, then of another: little scatter says nothing
+            enough = enough and span_us >= 0.5e6 * settings.bursty_window_s
+        known = self._slope_uncertainty <= 1e-3 * settings.warm_uncertainty_ppm or span_us > 0.9e6 * self._window_s()
+        self._warm = enough and (self._warm or known)
+        if not self._warm and self._known_slope is not None:
+            line = line_with_slope(points, self._known_slope)
+        elif not -max_slope <= line.slope <= max_slope:
+            line = line_with_slope(points, min(max(line.slope, -max_slope), max_slope))
+        if self._warm:
+            self._known_slope = line.slope
+            if self._warm_up_s is None:
+                self._warm_up_s = 1e-9 * (host_time_ns - self._start_ns)
+        self._line = line
+
+    def _judge_bursts(self) -> None:
+        """Bursty by the chunks' own span, or by seconds' least delays that beat; half of both to be steady again."""
+        settings = self.settings
+        bins = list(self._bins)
+        scatter = scatter_ns(bins, envelope_line(bins)) if len(bins) >= settings.warm_bins else 0.0
+        share = 0.25 if self._bursty else 0.5
+        limit_ns = 1e9 * settings.burst_scatter_s * (0.5 if self._bursty else 1.0)
+        self._bursty = self._burst_share > share or scatter > limit_ns

@@ -1,0 +1,279 @@
+"""The offline pass: map a recording's raw device ticks to host time with windows centred on each moment.
+
+A live estimate looks back only; with the whole recording at hand the window lies on both sides, which halves the reach
+of the line and needs no warm-up. It starts from what was recorded raw, so it can be repeated with other settings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from host.clock.envelope import DelayLine, Point, envelope_line, hull_line, line_with_slope
+from host.clock.estimate import EstimatorSettings
+from host.clock.estimator import BIN_NS, ClockEstimator
+from host.clock.interval import NO_ROUND_TRIPS, OffsetInterval, RoundTrips, offset_interval, unwrapped_round_trips
+from host.clock.unwrap import ClockStep, ClockUnwrapper, UnwrapSettings
+
+IntArray = npt.NDArray[np.int64]
+FloatArray = npt.NDArray[np.float64]
+
+BLOCK_NS = BIN_NS // 4
+"""Chunks are unwrapped together over so much host time: earlier ones only seem that much later than they were."""
+SHORT_S = 10.0
+"""Over less than this the skew of the longest segment is taken: a few seconds tell no skew."""
+
+
+@dataclass(frozen=True, slots=True)
+class RemappedSegment:
+    """One clock segment of a recording."""
+
+    start: int
+    """First sample."""
+    stop: int
+    """One past the last sample."""
+    skew_ppm: float
+    """Mean rate of the device clock over the host's, minus one."""
+    jitter_p50_ns: float
+    """Median of arrival minus mapped time over the chunks' newest samples, ns."""
+    jitter_p99_ns: float
+    """99th percentile of the same, ns."""
+    n_chunks: int
+    """Chunks in the segment."""
+    window_s: float
+    """Width of the centred window, s."""
+    bursty: bool
+    """Whether the link was judged bursty."""
+    offset_ns: float
+    """Host minus device time as mapped, in the middle of the segment, ns."""
+    interval: OffsetInterval
+    """How far true from mapped time may be, anywhere in the segment."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RemappedClock:
+    """The n samples of a recording on the host's time line."""
+
+    host_time_ns: IntArray
+    """(n,) host time at which each sample was taken plus the link's constant delay, ns; continuous in a segment."""
+    device_time_unwrapped_us: IntArray
+    """(n,) us; compares within one segment only."""
+    segment: IntArray
+    """(n,) number of each sample's clock segment, from 0."""
+    segments: tuple[RemappedSegment, ...]
+    """In order."""
+    steps: tuple[ClockStep, ...]
+    """Steps of the device clock; ``index`` counts samples of the recording. Known starts are not among them."""
+    settings: EstimatorSettings
+    """What made it."""
+
+
+def remap(
+    device_time_us: npt.ArrayLike,
+    arrival_ns: npt.ArrayLike,
+    segment_starts: Sequence[int] = (),
+    unwrap: UnwrapSettings | None = None,
+    settings: EstimatorSettings | None = None,
+    round_trips: RoundTrips = NO_ROUND_TRIPS,
+) -> RemappedClock:
+    """Map raw device ticks to host time by the lower envelope in a centred window.
+
+    Parameters
+    ----------
+    device_time_us : (n,) uint32
+        Device clock of the samples as received, in order of reception.
+    arrival_ns : (n,) int64
+        Host time of each sample's chunk, ns, monotonic; samples of one chunk have the same.
+    segment_starts
+        Samples at which a new clock segment is known to start: another boot id, a reopened port.
+    unwrap, settings
+        Bounds and windows.
+    round_trips
+        Answers to TIME_REQUEST: they bound the offset, and do not change the mapping.
+
+    Raises
+    ------
+    ValueError
+        Shapes differ, or arrival goes backwards.
+    """
+    ticks = np.asarray(device_time_us, dtype=np.int64)
+    arrival = np.asarray(arrival_ns, dtype=np.int64)
+    if ticks.ndim != 1 or ticks.shape != arrival.shape:
+        raise ValueError(f"device times {ticks.shape} and arrivals {arrival.shape} do not fit together")
+    if len(arrival) > 1 and (np.diff(arrival) < 0).any():
+        raise ValueError(f"arrival goes backwards at sample {int(np.argmax(np.diff(arrival) < 0)) + 1}")
+    settings = settings or EstimatorSettings()
+    known = sorted({start for start in segment_starts if 0 < start < len(ticks)})
+    unwrapped, steps = _unwrap(ticks, arrival, known, unwrap)
+    starts = sorted({*known, *(step.index for step in steps)})
+    chunks = _Chunks.of(unwrapped, arrival, starts)
+    small, bursty = _small_steps(chunks, starts, settings)
+    steps = sorted([*steps, *small], key=lambda step: step.index)
+    starts = sorted({*starts, *(step.index for step in steps)})
+    bounds = [0, *starts, len(ticks)] if len(ticks) else [0]
+    segment = np.searchsorted(starts, np.arange(len(ticks)), side="right").astype(np.int64)
+    steps = [replace(step, segment=int(segment[step.index])) for step in steps]
+
+    window_s = settings.bursty_window_s if bursty else settings.window_s
+    pieces = [chunks.within(start, stop) for start, stop in pairwise(bounds)]
+    slope = _longest_slope(pieces)
+    trips, trip_segment = unwrapped_round_trips(round_trips, unwrapped, arrival, segment)
+    host_ns = np.empty(len(ticks), dtype=np.int64)
+    segments = []
+    for number, ((start, stop), piece) in enumerate(zip(pairwise(bounds), pieces, strict=True)):
+        knots = _knots(piece, slope, window_s)
+        host_ns[start:stop] = _mapped(knots, unwrapped[start:stop])
+        residual = piece.arrival_ns - _mapped(knots, piece.newest_us)
+        p50, p99 = np.percentile(residual, [50, 99])
+        mean_slope = (knots[-1][1] - knots[0][1]) / (knots[-1][0] - knots[0][0]) if len(knots) > 1 else slope
+        skew_ppm = 1e6 * (1000.0 / (1000.0 + mean_slope) - 1.0)
+        middle_us = (knots[0][0] + knots[-1][0]) // 2
+        own = trips.chosen(trip_segment == number)
+        interval = offset_interval(
+            piece.newest_us,
+            residual.astype(float),
+            own,
+            (_mapped(knots, own.receive_us), _mapped(knots, own.transmit_us)),
+            window_s,
+            # Over the window the line may be off by what the crystal wanders and by what the link usually adds.
+            1e-3 * settings.wander_ppm + float(p50) / (1e6 * window_s),
+        )
+        segments.append(
+            RemappedSegment(
+                start=start,
+                stop=stop,
+                skew_ppm=skew_ppm,
+                jitter_p50_ns=float(p50),
+                jitter_p99_ns=float(p99),
+                n_chunks=len(residual),
+                window_s=window_s,
+                bursty=bursty,
+                offset_ns=float(_mapped(knots, np.array([middle_us]))[0] - 1000 * middle_us),
+                interval=interval,
+            )
+        )
+    return RemappedClock(host_ns, unwrapped, segment, tuple(segments), tuple(steps), settings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chunks:
+    """m chunks, cut where segments start."""
+
+    first: IntArray  # (m,) index of the first sample
+    newest_us: IntArray
+    span_us: IntArray
+    arrival_ns: IntArray
+
+    @classmethod
+    def of(cls, unwrapped: IntArray, arrival: IntArray, starts: list[int]) -> _Chunks:
+        if not len(unwrapped):
+            empty = np.empty(0, dtype=np.int64)
+            return cls(empty, empty, empty, empty)
+        first = np.unique([0, *starts, *(np.flatnonzero(np.diff(arrival)) + 1)]).astype(np.int64)
+        newest = np.maximum.reduceat(unwrapped, first)
+        return cls(first, newest, newest - np.minimum.reduceat(unwrapped, first), arrival[first])
+
+    def within(self, start: int, stop: int) -> _Chunks:
+        piece = slice(*np.searchsorted(self.first, [start, stop]))
+        return _Chunks(self.first[piece], self.newest_us[piece], self.span_us[piece], self.arrival_ns[piece])
+
+
+def _unwrap(
+    ticks: IntArray, arrival: IntArray, known: list[int], settings: UnwrapSettings | None
+) -> tuple[IntArray, list[ClockStep]]:
+    unwrapper = ClockUnwrapper(settings)
+    unwrapped = np.empty_like(ticks)
+    steps = []
+    cuts = np.unique([0, *known, *(np.flatnonzero(np.diff(arrival // BLOCK_NS)) + 1), len(ticks)]).tolist()
+    known_set = set(known)
+    for start, stop in pairwise(cuts):
+        if start in known_set:
+            unwrapper.new_segment()
+        unwrapped[start:stop] = unwrapper.feed(ticks[start:stop], int(arrival[stop - 1]))
+        steps += [replace(step, index=start + step.index) for step in unwrapper.take_steps()]
+    return unwrapped, steps
+
+
+def _small_steps(chunks: _Chunks, starts: list[int], settings: EstimatorSettings) -> tuple[list[ClockStep], bool]:
+    """Find the steps that only the causal estimate can see, and whether the link is bursty."""
+    estimator = ClockEstimator(settings)
+    steps = []
+    start_set = set(starts)
+    before_ns = 0
+    bursty = 0
+    columns = (chunks.first, chunks.newest_us, chunks.span_us, chunks.arrival_ns)
+    for first, newest_us, span_us, arrival_ns in zip(*(column.tolist() for column in columns), strict=True):
+        if first in start_set:
+            estimator.new_segment()
+        moved_ns = estimator.feed(newest_us, arrival_ns, span_us)
+        if moved_ns is not None:
+            chunk = int(np.searchsorted(chunks.arrival_ns, estimator.segment_start_ns))
+            index = int(chunks.first[chunk])
+            steps.append(ClockStep(index, 0, arrival_ns, -round(moved_ns / 1000), arrival_ns - before_ns))
+        before_ns = arrival_ns
+        bursty += 1 if estimator.bursty else -1
+    return steps, bursty > 0
+
+
+def _bins(chunks: _Chunks, slope: float) -> list[Point]:
+    """Return the least delayed chunk of every second, in order of device time."""
+    delay_ns = chunks.arrival_ns - 1000 * chunks.newest_us
+    level_ns = delay_ns - slope * (chunks.newest_us - chunks.newest_us[0])
+    order = np.lexsort((level_ns, chunks.arrival_ns // BIN_NS))
+    _, best = np.unique(chunks.arrival_ns[order] // BIN_NS, return_index=True)
+    keep = order[best]
+    return sorted(zip(chunks.newest_us[keep].tolist(), delay_ns[keep].tolist(), strict=True))
+
+
+def _longest_slope(pieces: list[_Chunks]) -> float:
+    """Return the slope of the segment that spans the most device time, ns per us."""
+    if not pieces:
+        return 0.0
+    longest = max(pieces, key=lambda piece: int(piece.newest_us[-1] - piece.newest_us[0]))
+    return envelope_line(_bins(longest, 0.0)).slope
+
+
+def _knots(chunks: _Chunks, slope: float, window_s: float) -> list[tuple[int, float]]:
+    """Return device times and the delay there; between them, and beyond, delay is a straight line.
+
+    There is one wherever a sixtieth of the window has passed since the last and a sample came.
+    """
+    points = _bins(chunks, slope)
+    first, last = points[0][0], points[-1][0]
+    if last - first < 1e6 * SHORT_S:
+        line = line_with_slope(points, slope)
+        return [(first, line.delay_at(first)), (last + 1, line.delay_at(last + 1))]
+    times = np.array([x for x, _ in points])
+    window_us = int(1e6 * window_s)
+    spacing_us = window_us // 60
+    knots: list[tuple[int, float]] = []
+    lines: dict[tuple[int, int], DelayLine] = {}
+    for x, _ in points:
+        if knots and (x == knots[-1][0] or (x != last and x - knots[-1][0] < spacing_us)):
+            continue
+        # Near an end the window is the outermost whole one, and its middle line is carried on to the end.
+        low = max(first, min(x - window_us // 2, last - window_us))
+        high = min(last, low + window_us)
+        inside = (int(np.searchsorted(times, low)), int(np.searchsorted(times, high, side="right")))
+        if inside not in lines or (low > first and high < last):
+            lines[inside] = hull_line(points[inside[0] : inside[1]], (low + high) // 2)
+        knots.append((x, lines[inside].delay_at(x)))
+    return knots
+
+
+def _mapped(knots: list[tuple[int, float]], device_us: IntArray) -> IntArray:
+    base_ns = round(knots[0][1])  # what is left fits a float
+    x = np.array([x for x, _ in knots], dtype=np.int64)
+    delay_ns = np.array([delay - base_ns for _, delay in knots])
+    within = np.interp((device_us - x[0]).astype(float), (x - x[0]).astype(float), delay_ns)
+    if len(knots) > 1:  # np.interp stays level outside; the line goes on
+        edge = (delay_ns[1] - delay_ns[0]) / (x[1] - x[0])
+        within += np.minimum(device_us - x[0], 0) * edge
+        edge = (delay_ns[-1] - delay_ns[-2]) / (x[-1] - x[-2])
+        within += np.maximum(device_us - x[-1], 0) * edge
+    mapped: IntArray = 1000 * device_us + (np.rint(within).astype(np.int64) + base_ns)
+    return mapped

@@ -1,0 +1,1 @@
+"""What ``rotdrift doctor`` looks at: the machine, and a link."""

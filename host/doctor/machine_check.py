@@ -1,0 +1,219 @@
+"""What ``rotdrift doctor`` looks at without a link: versions, clock, disk, ports and what stands in their way.
+
+Everything that differs between systems takes the platform and the places to look at as arguments, so that every
+platform's findings are tested on one.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from host.doctor.findings import Finding, Verdict, judged
+from host.plain_text import plain
+from host.transports.serial_listing import SerialPort
+from host.version import VERSION
+
+if TYPE_CHECKING:
+    from host.transports.can_listing import CanPort
+
+LIBRARIES = ("numpy", "scipy", "pyserial", "python-can", "mcap", "rich", "construct", "cobs", "matplotlib")
+DISK_BYTES = 16 * 2**20
+MIN_FREE_BYTES = 2**30
+MIN_DISK_MB_S = 5.0
+"""A capture writes 0.2 MB/s at 1 kHz; a disk slower than this hangs for seconds now and then."""
+FTDI_VENDOR = "0403"
+LATENCY_TIMER_MS = 2
+SYS = Path("/sys")
+MAX_LATENESS_MS = 5.0
+
+
+def versions() -> list[Finding]:
+    """Name the versions of everything that matters."""
+    found = []
+    for name in LIBRARIES:
+        try:
+            found.append(f"{name} {importlib.metadata.version(name)}")
+        except importlib.metadata.PackageNotFoundError:
+            found.append(f"{name} missing")
+    python = f"{platform.python_implementation()} {platform.python_version()}"
+    bad = [item for item in found if item.endswith("missing")]
+    return [
+        Finding("rotdrift", Verdict.INFO, f"{VERSION}, {python}, {platform.system()} {platform.release()}"),
+        judged("libraries", ", ".join(found), good=not bad, mend="install rotdrift again", verdict=Verdict.BAD),
+    ]
+
+
+def clock_source(sys_folder: Path = SYS, naps: int = 20) -> list[Finding]:
+    """Name the clock that stamps chunks, and measure how late this machine wakes up.
+
+    Parameters
+    ----------
+    sys_folder : Path
+        ``/sys``; where it is none, the system's clock source is not known.
+    naps : int
+        How often to sleep for a millisecond.
+    """
+    info = time.get_clock_info("monotonic")
+    text = f"{info.implementation}, resolution {info.resolution * 1e9:.0f} ns"
+    try:
+        source = (sys_folder / "devices/system/clocksource/clocksource0/current_clocksource").read_text().strip()
+        text += f", source {plain(source, 40)}"
+    except OSError:
+        source = ""
+    late_ms = []
+    for _ in range(naps):
+        before = time.monotonic()
+        time.sleep(0.001)
+        late_ms.append(1e3 * (time.monotonic() - before) - 1.0)
+    worst_ms = max(late_ms)
+    return [
+        judged(
+            "clock",
+            text,
+            good=source not in {"jiffies", "refined-jiffies"} and info.resolution <= 1e-6,
+            mend="time stamps are coarse; choose another clock source (Linux: tsc)",
+        ),
+        judged(
+            "wake-ups",
+            f"late by at most {worst_ms:.2f} ms in {naps}",
+            good=worst_ms < MAX_LATENESS_MS,
+            mend="the machine is busy: end other programs; chunks are stamped late while it is",
+        ),
+    ]
+
+
+def disk(folder: Path, n_bytes: int = DISK_BYTES) -> list[Finding]:
+    """Measure room and speed of the disk a recording would go to.
+
+    Parameters
+    ----------
+    folder : Path
+        Must exist.
+    n_bytes : int
+        How much to write and remove again.
+    """
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError as error:
+        return [
+            Finding("disk", Verdict.BAD, f"{folder} cannot be looked at ({error.strerror})", "go to another folder")
+        ]
+    found = [
+        judged(
+            "disk room",
+            f"{free / 1e9:.1f} GB free at {folder}",
+            good=free >= MIN_FREE_BYTES,
+            mend="make room: an hour at 200 Hz takes 0.15 GB, and the system wants some",
+        )
+    ]
+    path = folder / f".rotdrift-doctor-{os.getpid()}"
+    try:
+        block = bytes(2**20)
+        started = time.monotonic()
+        with path.open("xb") as file:
+            for _ in range(max(1, n_bytes // len(block))):
+                file.write(block)
+            file.flush()
+            os.fsync(file.fileno())
+        speed = max(n_bytes, len(block)) / 1e6 / max(time.monotonic() - started, 1e-6)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        mend = "give --out in a folder that can be written"
+        return [*found, Finding("disk speed", Verdict.BAD, f"{folder} cannot be written ({reason})", mend)]
+    finally:
+        path.unlink(missing_ok=True)
+    mend = "record to another disk, not to a network or SD card"
+    return [*found, judged("disk speed", f"{speed:.0f} MB/s written", good=speed >= MIN_DISK_MB_S, mend=mend)]
+
+
+def can_interfaces(ports: Iterable[CanPort]) -> list[Finding]:
+    """Name every CAN interface and adapter, and how to bring one up that is down.
+
+    Parameters
+    ----------
+    ports : iterable of CanPort
+        From :func:`host.transports.can_listing.list_can_ports`.
+    """
+    found = []
+    for port in ports:
+        name = port.link.rpartition(":")[2]
+        mend = f"`sudo ip link set {name} up type can bitrate 500000`" if port.state == "down" else ""
+        verdict = Verdict.INFO if port.state in ("", "down") else Verdict.OK
+        found.append(Finding(port.link, verdict, f"{port.description} {port.state}".strip(), mend))
+    return found
+
+
+def serial_ports(
+    ports: Iterable[SerialPort],
+    system: str = sys.platform,
+    sys_folder: Path = SYS,
+    may_open: Callable[[str], bool] | None = None,
+) -> list[Finding]:
+    """Look at every serial port: who holds it, whether we may open it, and the latency timer of an FTDI adapter.
+
+    Parameters
+    ----------
+    ports : iterable of SerialPort
+        From :func:`host.transports.serial_listing.list_serial_ports`.
+    system : str
+        ``sys.platform``.
+    sys_folder : Path
+        ``/sys`` of Linux.
+    may_open : callable
+        Whether a device may be read and written.
+    """
+    may_open = may_open or (lambda device: os.access(device, os.R_OK | os.W_OK))
+    found = []
+    for port in ports:
+        what = " ".join(part for part in (port.vid_pid, port.description) if part) or "no USB device"
+        if port.owners:
+            mend = "end that program before a capture"
+            found.append(Finding(port.device, Verdict.DOUBTFUL, f"{what}; held by {', '.join(port.owners)}", mend))
+        elif system.startswith("linux") and not may_open(port.device):
+            found.append(Finding(port.device, Verdict.BAD, f"{what}; you may not open it", _linux_mend(port)))
+        else:
+            found.append(Finding(port.device, Verdict.OK, what))
+        if port.vid_pid.startswith(FTDI_VENDOR):
+            found.append(_latency_timer(port, system, sys_folder))
+    return found or [Finding("serial ports", Verdict.INFO, "none here", _no_port_mend(system))]
+
+
+def _linux_mend(port: SerialPort) -> str:
+    vendor, _, product = port.vid_pid.partition(":")
+    if not product:
+        return "sudo usermod -aG dialout $USER (uucp on Arch), then log out and in"
+    rule = f'SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", TAG+="uaccess"'
+    return f"sudo usermod -aG dialout $USER (uucp on Arch), or put into /etc/udev/rules.d/70-rotdrift.rules: {rule}"
+
+
+def _latency_timer(port: SerialPort, system: str, sys_folder: Path) -> Finding:
+    """Read how long an FTDI adapter keeps bytes: 16 ms unless told otherwise."""
+    topic = f"{port.device} latency timer"
+    if system == "win32":
+        mend = "Device Manager > port > Port Settings > Advanced > Latency Timer: 1"
+        return Finding(topic, Verdict.INFO, "not readable from here; 16 ms unless changed", mend)
+    if system == "darwin":
+        return Finding(topic, Verdict.INFO, "not readable from here; 16 ms unless changed", "use FTDI's own driver")
+    path = sys_folder / "bus/usb-serial/devices" / Path(port.device).name / "latency_timer"
+    try:
+        timer_ms = int(path.read_text())
+    except (OSError, ValueError):
+        return Finding(topic, Verdict.INFO, "not known")
+    mend = f"echo 1 | sudo tee {path}"
+    return judged(topic, f"{timer_ms} ms", good=timer_ms <= LATENCY_TIMER_MS, mend=mend)
+
+
+def _no_port_mend(system: str) -> str:
+    if system == "win32":
+        return "plug the object in; if none appears, Device Manager shows whether its driver is missing"
+    if system == "darwin":
+        return "plug the object in; ports are /dev/cu.*; an adapter may want its maker's driver allowed in Settings"
+    return "plug the object in; `dmesg | tail` says what the system made of it"

@@ -1,0 +1,328 @@
+"""Reading a recording back: whole, cut, or still being written.
+
+Only the records' frames (one byte of kind, eight of length) are walked; what nobody asked for is skipped without being
+parsed, so that an hour is read in seconds. A file that ends in the middle of a record is read up to there. Chunked
+files, as other MCAP tools write them from ours, are read as well.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata
+from mcap.records import Chunk as McapChunk
+from mcap.stream_reader import get_chunk_data_stream
+from mcap.writer import MCAP0_MAGIC
+
+from host.errors import FileError, unreadable
+from host.recording import format as fmt
+from host.recording.raw_stretch import RawStretch, raw_stretches
+from host.recording.record_runs import MessageRun, RecordRuns, on_channels
+from host.transports.chunks import AnyChunk
+
+MAX_RECORD_BYTES = 64 * 2**20
+"""A longer record is damage: ours have at most 64 KiB."""
+READ_BLOCK_BYTES = 2 * 2**20
+HEADER_BLOCK_BYTES = 16 * 2**10
+_FRAME = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQQ")
+_PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, KeyError, RecursionError)
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingHeader:
+    """What a recording says of itself."""
+
+    version: str
+    """Of rotdrift."""
+    link: str
+    """URI of the link."""
+    wall_time_ns: int
+    """Wall clock at the start, ns since 1970."""
+    monotonic_ns: int
+    """Monotonic clock at the same instant."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """How the capture was started."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedMessage:
+    """One message of a recording."""
+
+    topic: str
+    data: bytes
+    time_ns: int
+    """When it was received or happened, wall clock, ns since 1970."""
+
+    def values(self) -> dict[str, Any]:
+        """Take a message on one of the topics of :data:`host.recording.format.TYPES` apart.
+
+        Raises
+        ------
+        ValueError
+            Damaged.
+        """
+        return fmt.TYPES[self.topic].decode(self.data)
+
+
+def is_our_recording(path: Path) -> bool:
+    """Whether a file is a recording of ours: MCAP, with our name or our raw channel near its beginning.
+
+    Any other file, also one that cannot be read, is not.
+    """
+    try:
+        RecordingReader(path)
+    except FileError:
+        return False
+    return True
+
+
+class RecordingReader:
+    """A recording on disk.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    continuation : bytes
+        Records that belong after the end of the file, because the disk did not take them.
+
+    Raises
+    ------
+    FileError
+        Missing, empty, not MCAP, or not one of ours.
+    """
+
+    def __init__(self, path: Path, continuation: bytes = b"") -> None:
+        self.path = path
+        self.damage: list[str] = []
+        """What was wrong with the file; complete after the messages were read once."""
+        self._continuation = continuation
+        self._channels: dict[int, str] = {}
+        self._headless = False
+        self.header = self._read_header()
+
+    def chunks(self, topic: str = fmt.RECEIVED) -> Iterator[AnyChunk]:
+        """Give what the link delivered, in order, each with its time of reception."""
+        for _, body in self._wanted({topic}):
+            try:
+                yield fmt.decode_raw(bytes(body[_MESSAGE.size :]), topic)
+            except fmt.DamagedMessageError as error:
+                self._note_damaged(topic, error)
+
+    def stretches(self, topics: Iterable[str] = ()) -> Iterator[RawStretch | AnyChunk | RecordedMessage]:
+        """Give what the link delivered, in order, many chunks at a time; and, not later, the messages on other topics.
+
+        The chunks of a byte link come end to end; empty ones and those of CAN frames one by one.
+        """
+        wanted = {fmt.RECEIVED, *topics}
+        for topic, body, run in self._chosen(wanted):
+            if run is None:
+                yield from self._alone(topic, body)
+                continue
+            raw = [channel for channel, name in self._channels.items() if name == fmt.RECEIVED]
+            received = on_channels(run.channels, raw)
+            for channel, start, end in run.chosen(~received):
+                yield from self._alone(self._channels[channel], body[start:end])
+            for item in raw_stretches(body, run.starts[received], run.ends[received]):
+                if isinstance(item, fmt.DamagedMessageError):
+                    self._note_damaged(fmt.RECEIVED, item)
+                else:
+                    yield item
+
+    def _alone(self, topic: str, body: memoryview) -> Iterator[AnyChunk | RecordedMessage]:
+        if topic == fmt.RECEIVED:
+            try:
+                yield fmt.decode_raw(bytes(body[_MESSAGE.size :]))
+            except fmt.DamagedMessageError as error:
+                self._note_damaged(topic, error)
+        else:
+            yield _recorded(topic, body)
+
+    def _note_damaged(self, topic: str, error: Exception) -> None:
+        self.damage.append(f"a record of {topic} is damaged ({error}) and left out")
+
+    def messages(self, topics: Iterable[str] | None = None) -> Iterator[RecordedMessage]:
+        """Give the messages on some topics (all without ``topics``), in the order of the file."""
+        for topic, body in self._wanted(None if topics is None else set(topics)):
+            yield _recorded(topic, body)
+
+    def _wanted(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview]]:
+        """Give topic and body of the messages on some topics; the others are passed over many at a time."""
+        for topic, body, run in self._chosen(topics):
+            if run is None:
+                yield topic, body
+            else:
+                for channel, start, end in run.chosen(slice(None)):
+                    yield self._channels[channel], body[start:end]
+
+    def _chosen(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview, MessageRun | None]]:
+        """Give topic and body of single messages; or the block, and where in it lie messages on some topics."""
+        self.damage.clear()
+        if self._headless:
+            self.damage.append("the recording's own description is damaged: link, date and settings are not known")
+        with self._open() as file:
+            for kind, body, run in self._records(file):
+                if run is not None:
+                    names = {
+                        channel: name for channel, name in self._channels.items() if topics is None or name in topics
+                    }
+                    if not names:
+                        continue
+                    chosen = on_channels(run.channels, names)
+                    bodies = run.starts[chosen] + _FRAME.size
+                    yield "", body, MessageRun(bodies, run.ends[chosen], run.channels[chosen])
+                    continue
+                if kind != Opcode.MESSAGE:
+                    self._note_channel(kind, body)
+                    continue
+                if len(body) < _MESSAGE.size:
+                    self.damage.append("a message shorter than its header is left out")
+                    continue
+                topic = self._channels.get(_MESSAGE.unpack_from(body)[0])
+                if topic is not None and (topics is None or topic in topics):
+                    yield topic, body, None
+
+    def _read_header(self) -> RecordingHeader:
+        with self._open() as file:
+            for kind, body, _ in self._records(file, HEADER_BLOCK_BYTES):
+                self._note_channel(kind, body)
+                if kind == Opcode.METADATA:
+                    header = _parse_header(bytes(body))
+                    if header is not None:
+                        return header
+                if kind == Opcode.MESSAGE and fmt.RECEIVED not in self._channels.values():
+                    break
+        if fmt.RECEIVED in self._channels.values():
+            self._headless = True
+            return RecordingHeader("", "", 0, 0)
+        raise FileError(
+            f"{self.path} is an MCAP file, but not a recording of rotdrift",
+            "score a bag with `rotdrift score`, replay only what `rotdrift capture` wrote",
+        )
+
+    def _open(self) -> io.FileIO:
+        try:
+            file = self.path.open("rb", buffering=0)
+        except OSError as error:
+            raise unreadable(self.path, error) from error
+        magic = file.read(len(MCAP0_MAGIC))
+        if magic != MCAP0_MAGIC:
+            file.close()
+            what = "is empty" if not magic else "is not a recording"
+            raise FileError(f"{self.path} {what}", "give the .mcap file that `rotdrift capture` wrote")
+        return file
+
+    def _note_channel(self, kind: int, body: memoryview) -> None:
+        if kind != Opcode.CHANNEL:
+            return
+        try:
+            channel = Channel.read(ReadDataStream(io.BytesIO(body)))
+        except _PARSE_ERRORS:
+            self.damage.append("a channel record is damaged")
+            return
+        self._channels[channel.id] = channel.topic
+
+    def _records(
+        self, file: io.FileIO, block_bytes: int = READ_BLOCK_BYTES
+    ) -> Iterator[tuple[int, memoryview, MessageRun | None]]:
+        """Walk the records up to the footer, the end, or the first impossible length.
+
+        Gives kind and body of each; or, of messages that follow each other, the block they are in and their places.
+        What is given is overwritten when the next is asked for.
+        """
+        continuation = io.BytesIO(self._continuation)
+        buffer = memoryview(bytearray(block_bytes))
+        kept = 0  # bytes at its begin, of a record begun
+        while True:
+            if kept > block_bytes // 2:  # a record that hardly fits, or does not
+                buffer = memoryview(bytearray(bytes(buffer[:kept]) + bytes(max(kept, block_bytes))))
+            n_read = file.readinto(buffer[kept:]) or continuation.readinto(buffer[kept:])
+            view = buffer[: kept + n_read]
+            offset = 0
+            runs = RecordRuns(view)
+            while len(view) - offset >= _FRAME.size:
+                run = runs.at(offset)
+                if run is not None:
+                    offset = int(run.ends[-1])
+                    yield Opcode.MESSAGE, view, run
+                    continue
+                kind, length = _FRAME.unpack_from(view, offset)
+                if length > MAX_RECORD_BYTES:
+                    self.damage.append("a record has an impossible length: the rest of the file is not read")
+                    return
+                end = offset + _FRAME.size + length
+                if end > len(view):
+                    break
+                body = view[offset + _FRAME.size : end]
+                offset = end
+                if kind in {Opcode.DATA_END, Opcode.FOOTER}:
+                    return
+                if kind == Opcode.CHUNK:
+                    yield from ((kind, body, None) for kind, body in self._chunk_records(body))
+                else:
+                    yield kind, body, None
+            kept = len(view) - offset
+            buffer[:kept] = bytes(view[offset:])
+            if not n_read:
+                left = f", {kept} bytes of a last record are left out" if kept else ""
+                self.damage.append(f"the recording was not closed: it is read up to where it ends{left}")
+                return
+
+    def _chunk_records(self, body: memoryview) -> Iterator[tuple[int, memoryview]]:
+        try:
+            chunk = McapChunk.read(ReadDataStream(io.BytesIO(body)))
+            if chunk.uncompressed_size > MAX_RECORD_BYTES:
+                raise ValueError("too large")
+            stream, _ = get_chunk_data_stream(chunk, validate_crc=True)
+            view = memoryview(stream.read(chunk.uncompressed_size))
+        except Exception as error:  # noqa: BLE001 - decompressors raise their own kinds
+            self.damage.append(f"a chunk is damaged ({type(error).__name__}) and left out")
+            return
+        offset = 0
+        while len(view) - offset >= _FRAME.size:
+            kind, length = _FRAME.unpack_from(view, offset)
+            end = offset + _FRAME.size + length
+            if end > len(view):
+                self.damage.append("a chunk ends within a record")
+                return
+            yield kind, view[offset + _FRAME.size : end]
+            offset = end
+
+
+def _recorded(topic: str, body: memoryview) -> RecordedMessage:
+    _, _, _, time_ns = _MESSAGE.unpack_from(body)
+    return RecordedMessage(topic, bytes(body[_MESSAGE.size :]), time_ns)
+
+
+def parse_header(metadata: Metadata) -> RecordingHeader | None:
+    """Read what a metadata record of ours says; None where it is none, or damaged."""
+    values = metadata.metadata
+    if metadata.name != fmt.METADATA_NAME or values.get("crc32") not in {None, fmt.metadata_crc(values)}:
+        return None
+    try:
+        return RecordingHeader(
+            version=values["version"],
+            link=values["link"],
+            wall_time_ns=int(values["wall_time_ns"]),
+            monotonic_ns=int(values["monotonic_ns"]),
+            settings=json.loads(values["settings"]),
+        )
+    except _PARSE_ERRORS:
+        return None
+
+
+def _parse_header(body: bytes) -> RecordingHeader | None:
+    try:
+        return parse_header(Metadata.read(ReadDataStream(io.BytesIO(body))))
+    except _PARSE_ERRORS:
+        return None

@@ -1,0 +1,196 @@
+"""Chunks of a recording put together into samples, as a live capture puts them together, but many chunks at a time.
+
+Nothing depends on how many: every packet is placed by the reception of its own chunk, so a recording gives the very
+samples, segments and losses that the capture had.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from firmware_protocol.packets import Event, OrientationBatch, Status, TimeReply
+from firmware_protocol.stream import StreamItem
+from host.link import Link, grouped, joined
+from host.recording.raw_stretch import RawStretch
+from host.recording.round_trips import RecordedRoundTrips
+from host.recording.sample_arrivals import SampleArrivals
+from host.samples import SampleAssembler, SampleBlock
+from host.transports.chunks import AnyChunk, FrameChunk
+
+IntArray = npt.NDArray[np.int64]
+
+MAX_EVENTS = 10_000
+"""More events than a hand can make are damage or a flood: the rest is not kept."""
+PART_SAMPLES = 1 << 14
+"""Samples taken together: what is worked out of them stays in the cache. Measured."""
+STRETCH_BYTES = 2**20
+"""Single chunks are put end to end up to about so many bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimedEvent:
+    """An event of the object (button, marker) on the time axis of the samples."""
+
+    time_s: float
+    kind: str
+    """``BUTTON`` or ``MARKER``."""
+    value: int
+
+
+class TrialAssembly:
+    """Takes what a link delivered, in order, and gathers what a score needs.
+
+    Parameters
+    ----------
+    node : int, optional
+        Node id of the object on a bus; by default the first that is heard.
+    trips : RecordedRoundTrips, optional
+        Told what was sent; is told the answers.
+    """
+
+    def __init__(self, node: int | None = None, trips: RecordedRoundTrips | None = None) -> None:
+        self.link = Link(node=node)
+        self.assembler = SampleAssembler()
+        self.arrivals = SampleArrivals()
+        self.trips = trips or RecordedRoundTrips()
+        self.blocks: list[SampleBlock] = []
+        self.events: list[TimedEvent] = []
+        self.temperatures_c: list[float] = []
+        self.reopened = 0
+        self._waiting: list[tuple[Event, int]] = []  # events in front of the first sample of their chunk
+        self._heard_ns = 0
+
+    def feed(self, delivered: Iterable[RawStretch | AnyChunk]) -> None:
+        """Take all that was delivered."""
+        for item in _joined(delivered):
+            if isinstance(item, RawStretch):
+                self._feed_stretch(item)
+            else:
+                self._feed_chunks(item)
+
+    def finish(self) -> None:
+        """Take what the link still holds: nothing follows."""
+        held = self.link.flush()
+        self.arrivals.leave_out(held)
+        self.blocks += self.assembler.feed(held, self._heard_ns)
+        self.blocks += self.assembler.release()
+
+    def _feed_stretch(self, stretch: RawStretch) -> None:
+        for item, ends in self.link.feed_stretch(stretch.data):
+            for start in range(0, len(ends), PART_SAMPLES):
+                part = slice(start, start + PART_SAMPLES)
+                places = _places(stretch.stops, ends[part])
+                times_ns = stretch.host_time_ns[places]
+                if isinstance(item, OrientationBatch):
+                    batch = item if len(ends) <= PART_SAMPLES else _part(item, part)
+                    self.arrivals.feed(batch, times_ns)
+                    self._feed_samples(batch, places, times_ns)
+                else:
+                    self.arrivals.feed(item, times_ns)
+                    self._feed_other(item, int(times_ns[0]))
+        self._waiting.clear()
+        self._heard_ns = int(stretch.host_time_ns[-1])
+
+    def _feed_samples(self, batch: OrientationBatch, places: IntArray, times_ns: IntArray) -> None:
+        """Feed samples whose chunks are told by ``places``: together, or where that cannot be done in halves."""
+        block = self.assembler.feed_run(batch, times_ns)
+        if block is not None:
+            if len(block):
+                self.blocks.append(block)
+        elif places[0] == places[-1]:
+            self.blocks += self.assembler.feed([batch], int(times_ns[0]))
+            self._locate_waiting()
+        else:
+            half = int(np.searchsorted(places, (places[0] + places[-1]) // 2, side="right"))
+            for part in (slice(0, half), slice(half, len(places))):
+                self._feed_samples(_part(batch, part), places[part], times_ns[part])
+
+    def _feed_other(self, item: StreamItem, host_time_ns: int) -> None:
+        self.blocks += self.assembler.feed([item], host_time_ns)
+        if isinstance(item, Event):
+            self._waiting.append((item, host_time_ns))
+            self._locate_waiting()
+        elif isinstance(item, Status) and len(self.temperatures_c) < MAX_EVENTS:
+            self.temperatures_c.append(item.temperature_c)
+        elif isinstance(item, TimeReply):
+            self.trips.feed(item, host_time_ns)
+
+    def _locate_waiting(self) -> None:
+        """Place events on the time axis; those before the first sample of a segment wait for it."""
+        waiting, self._waiting = self._waiting, []
+        for event, host_time_ns in waiting:
+            time_s = self.assembler.locate_s(event, host_time_ns)
+            if time_s is None:
+                self._waiting.append((event, host_time_ns))
+            elif len(self.events) < MAX_EVENTS:
+                self.events.append(TimedEvent(time_s, event.kind.name, event.value))
+
+    def _feed_chunks(self, parts: list[AnyChunk]) -> None:
+        """Feed chunks of CAN frames, or the empty one that says that the link was opened again."""
+        chunk = joined(parts)
+        items = self.link.feed(chunk)
+        if chunk.data:
+            self._heard_ns = chunk.host_time_ns
+            self.arrivals.feed_frames(parts, items)
+            self.trips.feed_frames(parts, items)
+        else:
+            self.arrivals.reopened()
+            self.arrivals.leave_out(items)
+        for item in items:
+            if isinstance(item, OrientationBatch):
+                self.blocks += self.assembler.feed([item], self._heard_ns)
+                self._locate_waiting()
+            elif not isinstance(item, TimeReply):
+                self._feed_other(item, self._heard_ns)
+        self._waiting.clear()
+        if not chunk.data:  # what was still held came before the cut
+            self.assembler.reopened()
+            self.reopened += 1
+
+
+def _places(stops: IntArray, ends: IntArray) -> IntArray:
+    """Tell in which chunk each packet ends: the first whose stop is behind it. Both arrays ascend."""
+    first, last = np.searchsorted(stops, ends[[0, -1]], side="right").tolist()
+    if last - first >= len(ends):
+        found: IntArray = np.searchsorted(stops, ends, side="right")
+        return found
+    # Fewer chunks than packets: look up the chunks.
+    bounds = np.searchsorted(ends, stops[first:last])
+    counts = np.diff(bounds, prepend=0, append=len(ends))
+    repeated: IntArray = np.repeat(np.arange(first, last + 1), counts)
+    return repeated
+
+
+def _part(batch: OrientationBatch, part: slice) -> OrientationBatch:
+    return OrientationBatch(batch.sequence[part], batch.device_time_us[part], batch.quats_wxyz[part], batch.flags[part])
+
+
+def _joined(delivered: Iterable[RawStretch | AnyChunk]) -> Iterator[RawStretch | list[AnyChunk]]:
+    """Put single chunks together: those of bytes end to end, those of CAN frames as :func:`grouped` does."""
+    single: list[AnyChunk] = []
+    size = 0
+    for item in delivered:
+        ends = isinstance(item, RawStretch) or not item.data or (single and type(item) is not type(single[0]))
+        if single and (ends or size > STRETCH_BYTES):
+            yield from _together(single)
+            single, size = [], 0
+        if isinstance(item, RawStretch):
+            yield item
+        elif not item.data:
+            yield [item]
+        else:
+            single.append(item)
+            size += len(item.data)
+    if single:
+        yield from _together(single)
+
+
+def _together(chunks: list[AnyChunk]) -> Iterator[RawStretch | list[AnyChunk]]:
+    if isinstance(chunks[0], FrameChunk):
+        yield from grouped(chunks)
+    else:
+        yield RawStretch.of(chunks)

@@ -1,0 +1,1 @@
+"""Any recording scored, alone or in a batch, and shown to people."""

@@ -1,0 +1,133 @@
+"""Many recordings at once: every file in a process of its own, one bad file not stopping the rest."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from host.errors import FileError, HostError, UsageError
+from host.scoring.result import ScoreOptions
+from host.scoring.scored_recording import ReadOptions, score_recording
+from host.scoring.window_bounds import Window
+
+SUFFIXES = frozenset({".bag", ".csv", ".mcap", ".parquet", ".pq", ".tum", ".txt"})
+"""What is taken from a folder; the format itself is recognised from the content."""
+MAX_FILES = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class BatchRow:
+    """One recording of a batch."""
+
+    path: Path
+    result: dict[str, Any] | None
+    """The result as JSON values; None where the file could not be scored."""
+    error: str | None
+    """Why not, in one sentence."""
+    exit_code: int
+    """As if the file had been scored alone: 0, 1 (not valid), 2 or 4."""
+
+
+def expand(paths: Sequence[Path]) -> list[Path]:
+    """Replace folders by the recordings in them, at any depth, in the order of their names.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files and folders; a ROS 2 bag is a folder too, and stays one.
+
+    Raises
+    ------
+    FileError
+        A folder without recordings.
+    UsageError
+        More files than make sense.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if not path.is_dir() or _is_bag(path):
+            files.append(path)
+            continue
+        found = sorted(_inside(path))
+        if not found:
+            raise FileError(f"the folder {path} has no recordings", f"they end in {', '.join(sorted(SUFFIXES))}")
+        files += found
+        if len(files) > MAX_FILES:
+            raise UsageError(f"more than {MAX_FILES} files", "score them in parts")
+    return list(dict.fromkeys(files))
+
+
+def _inside(folder: Path) -> Iterator[Path]:
+    for root, names, files in os.walk(folder):
+        here = Path(root)
+        bags = [name for name in names if _is_bag(here / name)]
+        names[:] = [name for name in names if name not in bags and not name.startswith(".")]
+        yield from (here / name for name in bags)
+        yield from (
+            here / name
+            for name in files
+            if Path(name).suffix.lower() in SUFFIXES and not name.startswith(".") and ".endpoints." not in name
+        )
+
+
+def _is_bag(path: Path) -> bool:
+    return (path / "metadata.yaml").is_file()
+
+
+def score_many(
+    paths: Iterable[Path],
+    told: Callable[[BatchRow], None],
+    options: ScoreOptions | None = None,
+    reading: ReadOptions | None = None,
+    window: Window | None = None,
+    workers: int | None = None,
+) -> list[BatchRow]:
+    """Score files in parallel.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        Files, in the order of the answer.
+    told : callable
+        Called in this process whenever a file is done, in any order.
+    options, reading, window
+        As :func:`host.scoring.scored_recording.score_recording` takes them, the same for every file.
+    workers : int, optional
+        Processes; by default one per core.
+
+    Returns
+    -------
+    list of BatchRow
+        In the order of ``paths``.
+    """
+    paths = list(paths)
+    rows: dict[int, BatchRow] = {}
+    workers = min(workers or os.cpu_count() or 1, len(paths), 61)  # 61: what Windows can wait for
+    # A fresh interpreter each: a fork would inherit the progress bar's thread and its locks.
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        jobs = {pool.submit(score_row, path, options, reading, window): number for number, path in enumerate(paths)}
+        for job in as_completed(jobs):
+            number = jobs[job]
+            try:
+                row = job.result()
+            except Exception as error:  # noqa: BLE001 - e.g. a process killed for want of memory
+                row = BatchRow(paths[number], None, f"the process that scored it ended ({error})", 4)
+            rows[number] = row
+            told(row)
+    return [rows[number] for number in range(len(paths))]
+
+
+def score_row(path: Path, options: ScoreOptions | None, reading: ReadOptions | None, window: Window | None) -> BatchRow:
+    """Score one file; whatever is wrong with it becomes part of the row."""
+    try:
+        scored = score_recording(path, options, reading, window)
+    except HostError as error:
+        return BatchRow(path, None, str(error), error.exit_code)
+    except Exception as error:  # noqa: BLE001 - one bad file must not stop the rest
+        return BatchRow(path, None, f"a fault of rotdrift itself ({type(error).__name__}: {error})", 4)
+    return BatchRow(path, scored.result, None, 0 if scored.score.valid else 1)

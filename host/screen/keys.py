@@ -1,0 +1,147 @@
+"""From keys to what they mean: changes of the view, and actions for the capture. No terminal in here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from host.dashboard.notices import EDITING
+from host.dashboard.view import View
+from host.plain_text import plain
+from host.screen.key_splitter import KeySplitter
+from host.trial_state import TrialState
+
+MAX_TYPED = 200
+ENTER, ESCAPE, BACKSPACE, SUSPEND, INTERRUPT, CLEAR = "\r", "\x1b", "\x7f", "\x1a", "\x03", "\x15"
+
+
+@dataclass(frozen=True, slots=True)
+class ScreenAction:
+    """What a person asked for."""
+
+    kind: str
+    """``marker``, ``note``, ``window``, ``exclude``, ``include``, ``finish``, ``focus``, ``pause``, ``resume``,
+    ``help``, ``aside``, ``back``, or ``close`` once the trial is finished."""
+    index: int = 0
+    """Which of several objects."""
+    text: str = ""
+    """What was typed."""
+    cycle: int | None = None
+    """Which cycle is meant, for ``exclude`` and ``include``."""
+
+
+class KeyReader:
+    """Turns keys into actions, and keeps the view.
+
+    Parameters
+    ----------
+    view : View
+        To begin with.
+    """
+
+    def __init__(self, view: View) -> None:
+        self.view = view
+        self.aside = False
+        """Whether the terminal is lent back to its owner for a while."""
+        self._splitter = KeySplitter()
+        self._cycle: int | None = None
+        self._asked = ""
+
+    def press(self, text: str, states: tuple[TrialState, ...]) -> list[ScreenAction]:
+        """Take what was typed since the last call.
+
+        Parameters
+        ----------
+        text : str
+            As the terminal sent it; special keys mean nothing, and a paste only where something is being typed.
+        states : tuple of TrialState
+            What is on the screen.
+        """
+        keys, pasted = self._splitter.split(text)
+        actions: list[ScreenAction] = []
+        if self.aside:
+            self.aside = not (keys or pasted)
+            return [] if self.aside else [self._action("back")]
+        if self.view.prompt and pasted:  # into a note, a paste goes as one line; elsewhere it means nothing
+            typed = self.view.typed + plain(pasted, len(pasted) + 1)
+            self.view = replace(self.view, typed=typed[:MAX_TYPED])
+        for character in keys:
+            key = ENTER if character == "\n" else BACKSPACE if character == "\b" else character
+            actions += self._typed(key) if self.view.prompt else self._key(key, states)
+        return actions
+
+    def _typed(self, key: str) -> list[ScreenAction]:
+        view = self.view
+        if key == ENTER:
+            self.view = replace(view, prompt="", typed="")
+            text = plain(view.typed, MAX_TYPED)
+            if self._asked == "note" and not text:
+                return []
+            return [self._action(self._asked, text)]
+        if key in {ESCAPE, INTERRUPT}:
+            self.view = replace(view, prompt="", typed="", message="nothing changed")
+        elif key == BACKSPACE:
+            self.view = replace(view, typed=view.typed[:-1])
+        elif key == CLEAR:
+            self.view = replace(view, typed="")
+        elif key.isprintable() and len(view.typed) < MAX_TYPED:
+            self.view = replace(view, typed=view.typed + key)
+        return []
+
+    def _key(self, key: str, states: tuple[TrialState, ...]) -> list[ScreenAction]:
+        focus = min(self.view.focus, len(states) - 1)
+        self.view = replace(self.view, message="", focus=focus)
+        state = states[focus]
+        if all(other.finished for other in states):
+            return [self._action("close")]
+        if state.replayed and key in EDITING:
+            self.view = replace(self.view, message="a recording is only shown")
+        elif key == "x":
+            return self._exclude(state)
+        elif key == "n":
+            self._ask("note", "note", None)
+        elif key == "m":
+            self.view = replace(self.view, message="marker set")
+            return [self._action("marker")]
+        elif key == "s":
+            return [self._action("window")]
+        elif key in {"q", INTERRUPT}:
+            self.view = replace(self.view, message="finishing")
+            return [self._action("finish")]
+        return self._screen_key(key, len(states))
+
+    def _screen_key(self, key: str, n_objects: int) -> list[ScreenAction]:
+        view = self.view
+        if key == "f" and n_objects > 1:
+            self.view = replace(view, focus=(view.focus + 1) % n_objects)
+            return [self._action("focus")]
+        if key == "p":
+            self.view = replace(view, paused=not view.paused)
+            return [self._action("pause" if self.view.paused else "resume")]
+        if key == "?":
+            self.view = replace(view, help_open=not view.help_open)
+            return [self._action("help")] if self.view.help_open else []
+        if key == ESCAPE:
+            self.view = replace(view, help_open=False)
+        elif key == SUSPEND:
+            self.aside = True
+            return [self._action("aside")]
+        return []
+
+    def _exclude(self, state: TrialState) -> list[ScreenAction]:
+        row = state.cycles[-1] if state.cycles else None
+        if row is None or row.number == 0:
+            self.view = replace(self.view, message="no cycle yet")
+            return []
+        self._cycle = row.number
+        if row.excluded:
+            return [self._action("include")]
+        self._ask("exclude", f"leave out cycle {row.number}, because", row.number)
+        return []
+
+    def _ask(self, kind: str, prompt: str, cycle: int | None) -> None:
+        self._asked, self._cycle = kind, cycle
+        self.view = replace(self.view, prompt=prompt, typed="")
+
+    def _action(self, kind: str, text: str = "") -> ScreenAction:
+        cycle = self._cycle if kind in {"exclude", "include"} else None
+        return ScreenAction(kind, self.view.focus, text, cycle)

@@ -1,0 +1,1 @@
+"""Submissions: made from trials, verified from their raw bytes, compared."""

@@ -1,0 +1,114 @@
+"""Submissions and result files as sources of a comparison."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from analysis.reporting.bundle import check_manifest, read_bundle
+from analysis.reporting.comparison import ComparedSource
+from analysis.reporting.errors import BundleError
+from analysis.reporting.result_view import ResultView
+from analysis.reporting.summary import TrialFigure
+from analysis.trial_score import RESULT_FORMAT
+from host.errors import FileError, UsageError, unreadable
+from host.plain_text import plain
+from host.submission.format import CARD, CONVENTIONS, SCORE_VERSION, Submission, parse_submission
+from host.submission.verification import read_folder
+
+MAX_RESULT_BYTES = 64 * 2**20
+
+
+def load_sources(paths: Sequence[Path]) -> list[ComparedSource]:
+    """Read submissions (zip or unpacked), results (JSON), and folders of these.
+
+    Raises
+    ------
+    UsageError
+        There is nothing to compare in a folder.
+    FileError
+        A file is neither, was altered, or is refused.
+    """
+    sources = []
+    for path in paths:
+        if path.is_dir() and not (path / "submission.json").is_file():
+            inside = sorted([*path.glob("*.zip"), *path.glob("*.json")])
+            if not inside:
+                raise UsageError(f"{path} holds neither submissions (.zip) nor results (.json)", "give others")
+            sources += [_load(item) for item in inside]
+        else:
+            sources.append(_load(path))
+    return sources
+
+
+def _load(path: Path) -> ComparedSource:
+    try:
+        if path.is_dir() or path.suffix.lower() != ".json":
+            files = read_folder(path) if path.is_dir() else read_bundle(path)
+            altered = check_manifest(files)
+            if altered:
+                raise FileError(f"{path} was altered ({altered[0]})", "see `rotdrift verify`")
+            return _from_submission(path.stem, parse_submission(files.get("submission.json", b"")))
+        if path.stat().st_size > MAX_RESULT_BYTES:
+            raise FileError(f"{path} is too large for a result", "give what `rotdrift score --json` printed")
+        return _from_result(path.stem, json.loads(path.read_bytes()))
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except (BundleError, ValueError, TypeError, KeyError, RecursionError) as error:
+        raise FileError(
+            f"{path} is neither a submission nor a result ({plain(error)})",
+            "give what `rotdrift report` or `rotdrift score --json` wrote",
+        ) from error
+
+
+def _from_submission(name: str, submission: Submission) -> ComparedSource:
+    rules = {"card": submission.card, "score version": submission.score_version, **submission.conventions}
+    trials = tuple(
+        _checked(
+            plain(trial.hand),
+            plain(trial.object),
+            plain(trial.motion),
+            trial.theta_bar_deg if trial.valid else None,
+            None
+            if trial.interval_low_deg is None or trial.interval_high_deg is None
+            else (trial.interval_low_deg, trial.interval_high_deg),
+        )
+        for trial in submission.trials
+    )
+    notes = [] if submission.complete else ["the submission is incomplete: its cards lack required fields"]
+    unknown = sum(trial.valid and trial.sensor_per_cycle_deg is None for trial in submission.trials)
+    if unknown:
+        notes.append(
+            f"{unknown} of {len(trials)} trials without a static baseline: what the sensor turns by itself is in "
+            "θ̄ and not in its interval"
+        )
+    note = "; ".join(notes)
+    return ComparedSource(plain(name), tuple((plain(k), plain(v)) for k, v in rules.items()), trials, note)
+
+
+def _from_result(name: str, result: Any) -> ComparedSource:  # noqa: ANN401 - whatever the file holds
+    if not isinstance(result, dict) or "theta_bar_deg" not in result:
+        raise ValueError("no theta_bar_deg in it")
+    form = result.get("format")
+    version = SCORE_VERSION if form == RESULT_FORMAT else f"result format {plain(form)}"
+    view = ResultView.of(result)
+    thing = (result.get("object") or {}).get("name") or "unknown object"
+    trial = _checked(
+        "unknown hand", plain(thing), f"unknown motion ({plain(name)})", view.theta_bar_deg, view.interval_deg
+    )
+    rules = {"card": CARD, "score version": version, **CONVENTIONS}
+    return ComparedSource(plain(name), tuple(rules.items()), (trial,), "a bare result: it has no cards")
+
+
+def _checked(
+    hand: str, thing: str, motion: str, theta_bar_deg: float | None, interval: tuple[float, float] | None
+) -> TrialFigure:
+    """Refuse numbers that no score can have: they would spoil every table and figure."""
+    low, high = interval or (0.0, 180.0)
+    if theta_bar_deg is not None and not 0.0 <= theta_bar_deg <= 180.0:
+        raise ValueError(f"θ̄ = {theta_bar_deg:g}° is no rotation drift")
+    if not 0.0 <= low <= high <= 1000.0:
+        raise ValueError(f"{low:g} … {high:g}° is no interval of a rotation drift")
+    return TrialFigure(hand, thing, motion, theta_bar_deg, interval)

@@ -1,0 +1,195 @@
+"""What a submission is made from, trial by trial: the recording's bytes, the cards, and what a person chose.
+
+The same sources give the same submission, on any machine with the same versions. A bundle holds its sources, so that
+verifying it is making it again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+
+from analysis.endpoint_choice import EndpointChoice
+from analysis.series import AnalysisError
+from host.cards.definitions import Cards, dump_cards, parse_cards
+from host.errors import FileError, UsageError, unreadable
+from host.plain_text import plain
+from host.scoring.result import ScoreOptions
+from host.scoring.scored_recording import ReadOptions
+
+MAX_RAW_BYTES = 2**30
+
+
+class Choices(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """What a person chose for one trial; ``choices.json`` in the bundle."""
+
+    from_s: float | None = None
+    to_s: float | None = None
+    endpoint_kind: str | None = None
+    endpoint_values: tuple[float, ...] = ()
+    endpoint_reasons: tuple[str, ...] = ()
+    endpoint_source: str = ""
+    columns: str | None = None
+    rate_hz: float | None = None
+    topic: str | None = None
+
+    @property
+    def reading(self) -> ReadOptions:
+        """How to read the recording."""
+        return ReadOptions(self.columns, self.rate_hz, self.topic)
+
+    def options(self, baseline: Path | None) -> ScoreOptions:
+        """How to score it."""
+        window = None if self.from_s is None and self.to_s is None else (self.from_s, self.to_s)
+        points = None
+        if self.endpoint_kind is not None:
+            points = EndpointChoice(
+                self.endpoint_kind, self.endpoint_values, self.endpoint_reasons, self.endpoint_source or "given"
+            )
+        return ScoreOptions(window, points, baseline)
+
+    def with_endpoints(self, choice: EndpointChoice) -> Choices:
+        """Give the choices with these end points."""
+        return msgspec.structs.replace(
+            self,
+            endpoint_kind=choice.kind,
+            endpoint_values=choice.values,
+            endpoint_reasons=choice.reasons,
+            endpoint_source=Path(choice.source).name,
+        )
+
+
+@dataclass(frozen=True)
+class TrialSource:
+    """One trial before anything is computed."""
+
+    file_name: str
+    """Bare name of the recording."""
+    data: bytes
+    """The recording; empty where it is a folder."""
+    cards: Cards
+    """As the card files say, before the object fills them."""
+    choices: Choices = Choices()
+    """What a person chose."""
+    baseline: bytes | None = None
+    """File of the static baseline."""
+    folder: tuple[tuple[str, bytes], ...] = ()
+    """A ROS 2 bag is a folder: name and content of each file in it, sorted; empty for a single file."""
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the recording."""
+        return sum(len(content) for _, content in self.folder) if self.folder else len(self.data)
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the recording; of a folder that of its list of checksums, as ``sha256sum *`` prints it."""
+        if not self.folder:
+            return hashlib.sha256(self.data).hexdigest()
+        lines = "".join(f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in self.folder)
+        return hashlib.sha256(lines.encode()).hexdigest()
+
+    def written_to(self, place: Path) -> Path:
+        """Write the recording into an empty folder, for readers that want a path."""
+        path = place / self.file_name
+        if self.folder:
+            path.mkdir()
+            for name, content in self.folder:
+                (path / name).write_bytes(content)
+        else:
+            path.write_bytes(self.data)
+        return path
+
+    def files(self) -> dict[str, bytes]:
+        """Name these sources as they stand in the trial's folder of a bundle."""
+        raw = f"raw/{self.file_name}"
+        files = {f"{raw}/{name}": content for name, content in self.folder} if self.folder else {raw: self.data}
+        files["cards.toml"] = dump_cards(self.cards).encode()
+        files["choices.json"] = msgspec.json.format(msgspec.json.encode(self.choices), indent=1) + b"\n"
+        if self.baseline is not None:
+            files["baseline.toml"] = self.baseline
+        return files
+
+
+def load_source(recording: Path, cards: Cards, choices: Choices, baseline: Path | None = None) -> TrialSource:
+    """Read a trial's files.
+
+    Raises
+    ------
+    UsageError
+        The recording is larger than a bundle may hold, or a folder that is no ROS 2 bag.
+    FileError
+        A file cannot be read.
+    """
+    try:
+        rest = None if baseline is None else baseline.read_bytes()
+        name = safe_name(recording.name or recording.resolve().name)
+        if recording.is_dir():
+            return TrialSource(name, b"", cards, choices, rest, _bag(recording))
+        _refuse_large(recording, recording.stat().st_size)
+        data = recording.read_bytes()
+    except OSError as error:
+        raise unreadable(error.filename, error) from error
+    return TrialSource(name, data, cards, choices, rest)
+
+
+def _bag(folder: Path) -> tuple[tuple[str, bytes], ...]:
+    """Read the files of a ROS 2 bag; names must be harmless, because ``metadata.yaml`` refers to them."""
+    places = sorted(place for place in folder.iterdir() if not place.name.startswith("."))
+    if not (folder / "metadata.yaml").is_file():
+        raise UsageError(f"{folder} is a folder without metadata.yaml, so no ROS 2 bag", "name the recordings in it")
+    for place in places:
+        if place.is_symlink() or not place.is_file() or safe_name(place.name) != place.name:
+            raise UsageError(
+                f"{plain(place)} does not belong in a ROS 2 bag",
+                "convert it first: rotdrift convert FOLDER trial.csv",
+            )
+    _refuse_large(folder, sum(place.stat().st_size for place in places))
+    return tuple((place.name, place.read_bytes()) for place in places)
+
+
+def _refuse_large(recording: Path, n_bytes: int) -> None:
+    if n_bytes > MAX_RAW_BYTES:
+        raise UsageError(f"{recording} is larger than {MAX_RAW_BYTES // 2**20} MB", "cut it to the trial")
+
+
+def sources_in(files: Mapping[str, bytes]) -> dict[str, TrialSource]:
+    """Find the sources of every trial in a bundle, by trial id.
+
+    Raises
+    ------
+    ValueError
+        A trial without exactly one recording, or cards or choices that are not such.
+    """
+    ids = sorted({name.split("/")[1] for name in files if name.startswith("trials/") and name.count("/") >= 2})
+    found = {}
+    for trial_id in ids:
+        folder = f"trials/{trial_id}/"
+        raw = sorted(name for name in files if name.startswith(f"{folder}raw/"))
+        names = {name.removeprefix(f"{folder}raw/").partition("/")[0] for name in raw}
+        if len(names) != 1 or any(name.count("/") > 4 for name in raw):
+            raise ValueError(f"trial {trial_id} has {len(names)} recordings, not one")
+        try:
+            cards = parse_cards(files[f"{folder}cards.toml"].decode("utf-8"), f"{folder}cards.toml")
+            choices = msgspec.json.decode(files[f"{folder}choices.json"], type=Choices)
+            choices.options(None)
+        except (KeyError, UnicodeDecodeError, msgspec.MsgspecError, FileError, AnalysisError) as error:
+            raise ValueError(f"trial {trial_id}: {plain(error)}") from error
+        (file_name,) = names
+        single = raw[0] == f"{folder}raw/{file_name}"
+        if not single and len(raw) != len({name.rpartition("/")[2] for name in raw}):
+            raise ValueError(f"trial {trial_id} has a recording in several folders")
+        source = TrialSource(file_name, files[raw[0]] if single else b"", cards, choices)
+        bag = () if single else tuple((name.rpartition("/")[2], files[name]) for name in raw)
+        found[trial_id] = replace(source, folder=bag, baseline=files.get(f"{folder}baseline.toml"))
+    return found
+
+
+def safe_name(name: str) -> str:
+    """Make a file name that every system and the bundle accept."""
+    kept = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in name)
+    return kept.lstrip(".")[-120:] or "recording"
