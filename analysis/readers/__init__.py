@@ -13,7 +13,7 @@ from analysis.readers.column_spec import ColumnSpec, parse_columns
 from analysis.readers.convention_check import convention_warnings
 from analysis.readers.kit_csv import is_ndx, is_t42, read_ndx, read_t42
 from analysis.readers.named_csv import guess_columns, read_named
-from analysis.readers.number_table import head_lines, is_numeric_row, plain
+from analysis.readers.number_table import delimiter_of, head_lines, is_numeric_row, plain, split_row
 from analysis.readers.parquet import MAGIC as PARQUET_MAGIC
 from analysis.readers.parquet import read_parquet
 from analysis.readers.ros_bag import MCAP_MAGIC, is_bag, read_ros_bag
@@ -60,7 +60,7 @@ def read_series(
     rate_hz
         Sampling rate where the file has no time stamps.
     topic
-        Which topic of a bag.
+        Which topic of a bag, or which station of a Polhemus tracker's file.
 
     Returns
     -------
@@ -95,10 +95,10 @@ def _raw_samples(path: Path, spec: ColumnSpec | None, topic: str | None) -> RawS
         return read_ros_bag(path, topic)
     if start.startswith(PARQUET_MAGIC):
         return read_parquet(path, spec)
-    return _text_samples(path, head_lines(path), spec)
+    return _text_samples(path, head_lines(path), spec, topic)
 
 
-def _text_samples(path: Path, lines: list[str], spec: ColumnSpec | None) -> RawSamples:
+def _text_samples(path: Path, lines: list[str], spec: ColumnSpec | None, topic: str | None) -> RawSamples:
     if spec is not None:
         return read_named(path, lines, spec)
     if is_ximu3(lines):
@@ -106,7 +106,7 @@ def _text_samples(path: Path, lines: list[str], spec: ColumnSpec | None) -> RawS
     if is_t42(lines):
         return read_t42(path, lines)
     if is_ndx(lines):
-        return read_ndx(path, lines)
+        return read_ndx(path, lines, topic)
     if is_tum(lines):
         return read_tum(path, lines)
     guessed = guess_columns(lines)
@@ -115,7 +115,11 @@ def _text_samples(path: Path, lines: list[str], spec: ColumnSpec | None) -> RawS
     if not lines:
         raise ReaderError(f"{plain(path.name, 80)} is empty: record again, or give another file")
     first = lines[0]
-    what = "columns without names" if is_numeric_row(first.split(",")) else f"it starts with '{plain(first)}'"
+    what = (
+        "columns without names"
+        if is_numeric_row(split_row(first, delimiter_of(lines)))
+        else f"it starts with '{plain(first)}'"
+    )
     raise ReaderError(
         f"{plain(path.name, 80)} is not a file known here ({what}); known are {_KNOWN}; name the columns with "
         "--columns t=…,qw=…,qx=…,qy=…,qz=…"

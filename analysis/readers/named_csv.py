@@ -19,11 +19,19 @@ from analysis.readers.column_spec import (
     column_numbers,
     orientations,
 )
-from analysis.readers.number_table import Layout, is_numeric_row, plain, read_table, split_header
+from analysis.readers.number_table import (
+    Layout,
+    delimiter_of,
+    header_lines,
+    is_numeric_row,
+    plain,
+    read_table,
+    split_header,
+    split_row,
+)
 from analysis.readers.time_stamps import RawSamples
 from analysis.series import FloatArray, ReaderError
 
-_DELIMITERS = (",", ";", "\t")
 _TIME_NAME = re.compile(r"^(?:t|ts|time|timestamp|time_?stamp|stamp)(?:[_ ]?[(\[]?(s|sec|ms|us|ns)[)\]]?)?$")
 _QUATERNION_NAME = re.compile(r"^(?:q|quat|quaternion|orientation|rot|rotation)?[_. ]?([wxyz])$")
 _POSITION_NAME = re.compile(r"^(?:p|pos|position|t)[_. ]?([xyz])(?:[_ ]?[(\[]?(m|cm|mm)[)\]]?)?$")
@@ -79,17 +87,6 @@ def guess_names(header: tuple[str, ...]) -> ColumnSpec | None:
     return ColumnSpec(columns=tuple(found.items()), **units)
 
 
-def delimiter_of(lines: list[str]) -> str:
-    """Find the column separator: the candidate that the first line has most of.
-
-    Parameters
-    ----------
-    lines
-        The first lines of the file.
-    """
-    return max(_DELIMITERS, key=lambda mark: lines[0].count(mark)) if lines else ","
-
-
 def read_named(path: Path, lines: list[str], spec: ColumnSpec, *, declared: bool = True) -> RawSamples:
     """Read a CSV by its column names.
 
@@ -117,10 +114,10 @@ def read_named(path: Path, lines: list[str], spec: ColumnSpec, *, declared: bool
         raise ReaderError(f"{plain(path.name, 80)} is empty: record again, or give another file")
     delimiter = delimiter_of(lines)
     first = split_header(lines[0], delimiter)
-    header = () if is_numeric_row(first) else first
+    header = () if is_numeric_row(split_row(lines[0], delimiter)) else first
     numbers = column_numbers(spec, header, len(first))
     names = tuple(spec.names[key] for key in spec.keys)
-    layout = Layout(delimiter, 1 if header else 0, numbers, names)
+    layout = Layout(delimiter, header_lines(lines) if header else 0, numbers, names)
     return samples_of(read_table(path, layout), spec, str(path), declared=declared)
 
 

@@ -2,7 +2,9 @@
 
 numpy's C parser reads whole files; only when it fails, or a number is not finite, a slow second pass finds the line.
 Files come from strangers: binary content, endless lines and too many columns are refused before anything is parsed, and
-text that goes into a message is shortened and stripped of control characters.
+text that goes into a message is shortened and stripped of control characters. Blank lines, lines of separators alone
+and ``#`` comments may stand anywhere; column names may stand in the last comment before the data, where numpy.savetxt
+puts them.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 import codecs
 import math
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +27,11 @@ MAX_COLUMNS = 1_024
 """More columns than any recording has."""
 MAX_FILE_BYTES = 8 * 2**30
 """A text file beyond this is refused before it fills the memory."""
+COMMENT = "#"
+"""Begins a line, or the end of one, that holds no data."""
 _SCAN_BYTES = 1 << 20
+_NOTHING = ",; \t\r\n\0\x1a"  # a line of these alone is blank; a logger that lost power leaves zeros, DOS a Ctrl-Z
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
 def plain(text: str, limit: int = 40) -> str:
@@ -52,13 +59,11 @@ class Layout:
     delimiter: str | None
     """Column separator; None for any white space."""
     header_lines: int
-    """Lines before the first data row (blank ones not counted)."""
+    """Lines before the first data row (blank lines and comments not counted)."""
     columns: tuple[int, ...]
     """0-based columns to read, in the order wanted."""
     names: tuple[str, ...]
     """What each of them is called in messages."""
-    comment: str | None = None
-    """Lines that start with this are skipped."""
 
 
 def head_lines(path: Path, limit: int = 20) -> list[str]:
@@ -73,7 +78,8 @@ def head_lines(path: Path, limit: int = 20) -> list[str]:
 
     Returns
     -------
-    Non-blank lines without line ends, a byte order mark removed.
+    Non-blank lines without line ends, a byte order mark and comments removed. A comment that names the columns stays,
+    as the first line.
 
     Raises
     ------
@@ -82,17 +88,51 @@ def head_lines(path: Path, limit: int = 20) -> list[str]:
     """
     with path.open("rb") as file:
         start = file.read(4 * MAX_LINE_BYTES)
-    if b"\0" in start:
+    if b"\0" in start.rstrip(_NOTHING.encode()):
         raise ReaderError(f"{plain(path.name, 80)} is not text, nor a binary format known here: save it as CSV")
     lines = start.removeprefix(codecs.BOM_UTF8).split(b"\n")
     if len(start) == 4 * MAX_LINE_BYTES:
         lines.pop()  # cut off in the middle
-    found = [line.decode("utf-8", "replace").strip("\r\n") for line in lines if line.strip()][:limit]
     if start and not start.strip():
         raise ReaderError(f"{plain(path.name, 80)} has no lines of text: record again, or give another file")
-    if any(len(line) > MAX_LINE_BYTES for line in found) or (start and not found):
+    if any(len(line) > MAX_LINE_BYTES for line in lines[:limit]) or (start and not lines):
         raise ReaderError(f"{plain(path.name, 80)} has lines of over {MAX_LINE_BYTES} bytes; it is no table of numbers")
-    return found
+    texts = (line.decode("utf-8", "replace").strip("\r\n") for line in lines)
+    return _without_comments([text for text in texts if text.strip(_NOTHING)])[:limit]
+
+
+def _without_comments(lines: list[str]) -> list[str]:
+    """Drop comments, but for the last one before the data if it names as many columns as there are."""
+    rows = [line for line in lines if not line.startswith(COMMENT)]
+    before = lines.index(rows[0]) if rows else 0
+    if before:
+        delimiter = delimiter_of(rows)
+        cells = split_row(rows[0], delimiter)
+        if is_numeric_row(cells) and len(split_header(lines[before - 1], delimiter)) == len(cells):
+            return [lines[before - 1], *rows]
+    return rows
+
+
+def delimiter_of(lines: Sequence[str]) -> str | None:
+    """Find the column separator of the first line: semicolon, tab or comma; None for white space.
+
+    Parameters
+    ----------
+    lines
+        The first lines of the file.
+    """
+    return next((mark for mark in (";", "\t", ",") if lines and mark in lines[0]), None)
+
+
+def header_lines(lines: Sequence[str]) -> int:
+    """Count the lines before the data where the first line names the columns: none if it is a comment.
+
+    Parameters
+    ----------
+    lines
+        From :func:`head_lines`.
+    """
+    return 0 if lines[0].startswith(COMMENT) else 1
 
 
 def check_lines(path: Path) -> None:
@@ -148,11 +188,16 @@ def read_table(path: Path, layout: Layout) -> FloatArray:
     try:
         table = _load(path, layout)
     except (ValueError, UnicodeDecodeError, IndexError) as error:
-        raise _first_fault(path, layout, str(error)) from error
+        fault = _first_fault(path, layout)
+        if fault is not None:
+            raise fault from error
+        table = _load_cleaned(path, layout)
     if len(table) == 0:
         raise ReaderError(f"{plain(path.name, 80)} has no data rows: record again, or give another file")
     if not np.isfinite(table).all():
-        raise _first_fault(path, layout, "a number is not finite")
+        fault = _first_fault(path, layout)
+        assert fault is not None
+        raise fault
     return table
 
 
@@ -167,10 +212,26 @@ def _load(path: Path, layout: Layout) -> FloatArray:
         delimiter=layout.delimiter,
         skiprows=skip - 1,
         usecols=layout.columns,
-        comments=layout.comment,
+        comments=COMMENT,
+        quotechar='"',
         ndmin=2,
         encoding="utf-8-sig" if skip == 1 else "utf-8",
     )
+
+
+def _load_cleaned(path: Path, layout: Layout) -> FloatArray:
+    """Read what numpy stumbles over though every number is sound, such as lines of separators alone; slower."""
+    try:
+        return np.loadtxt(
+            (text for _, text in _data_lines(path, layout)),
+            delimiter=layout.delimiter,
+            usecols=layout.columns,
+            comments=COMMENT,
+            quotechar='"',
+            ndmin=2,
+        )
+    except ValueError as error:
+        raise ReaderError(f"{plain(path.name, 80)} cannot be read as numbers: {plain(str(error), 200)}") from error
 
 
 def _data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
@@ -178,8 +239,8 @@ def _data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
     left = layout.header_lines
     with path.open(encoding="utf-8-sig", errors="replace", newline="\n") as file:
         for number, line in enumerate(file, start=1):
-            text = line.strip()
-            if not text or (layout.comment is not None and text.startswith(layout.comment)):
+            text = line.strip(" \t\r\n") if layout.delimiter is None else line.strip(" \r\n")
+            if not text.strip(_NOTHING) or text.startswith(COMMENT):
                 continue
             if left > 0:
                 left -= 1
@@ -187,25 +248,28 @@ def _data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
             yield number, text
 
 
-def _first_fault(path: Path, layout: Layout, reason: str) -> ReaderError:
-    """Find the first cell that is not a finite number."""
+def _first_fault(path: Path, layout: Layout) -> ReaderError | None:
+    """Find the first cell that is not a finite number; None where all are."""
     for number, text in _data_lines(path, layout):
-        if layout.comment is not None:
-            text = text.split(layout.comment, 1)[0]
-        cells = text.split(layout.delimiter)
+        where = f"{plain(path.name, 80)} line {number}"
+        cells = text.split(COMMENT, 1)[0].split(layout.delimiter)
         for column, name in zip(layout.columns, layout.names, strict=True):
             if column >= len(cells):
                 return ReaderError(
-                    f"{plain(path.name, 80)} line {number}: {len(cells)} columns, but {plain(name)} is column "
-                    f"{column + 1}; is the file cut off there?"
+                    f"{where}: {len(cells)} columns, but {plain(name)} is column {column + 1}; is the file cut off "
+                    "there?"
                 )
-            cell = cells[column].strip()
+            cell = _bare(cells[column])
             if not _is_number(cell):
                 what = f"'{plain(cell)}' is not a number" if cell else "nothing where a number should be"
-                return ReaderError(
-                    f"{plain(path.name, 80)} line {number}: {what} in column {plain(name)}; mend or remove that line"
-                )
-    return ReaderError(f"{plain(path.name, 80)} cannot be read as numbers: {plain(reason, 200)}")
+                comma = layout.delimiter != "," and _DECIMAL_COMMA.match(cell)
+                mend = "save the file with decimal points" if comma else "mend or remove that line"
+                return ReaderError(f"{where}: {what} in column {plain(name)}; {mend}")
+    return None
+
+
+def _bare(cell: str) -> str:
+    return cell.strip().strip('"').strip()
 
 
 def _is_number(cell: str) -> bool:
@@ -217,15 +281,31 @@ def _is_number(cell: str) -> bool:
         return False
 
 
-def split_header(line: str, delimiter: str = ",") -> tuple[str, ...]:
-    """Split a header line into column names.
+def split_row(line: str, delimiter: str | None) -> list[str]:
+    """Split a line into its cells, without spaces and quotes around them; empty cells at the end are dropped.
 
     Parameters
     ----------
     line
         The line.
     delimiter
-        Column separator.
+        Column separator; None for white space.
+    """
+    cells = [_bare(cell) for cell in line.split(delimiter)]
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def split_header(line: str, delimiter: str | None = ",") -> tuple[str, ...]:
+    """Split a header line into column names.
+
+    Parameters
+    ----------
+    line
+        The line, perhaps a comment.
+    delimiter
+        Column separator; None for white space.
 
     Returns
     -------
@@ -236,19 +316,18 @@ def split_header(line: str, delimiter: str = ",") -> tuple[str, ...]:
     ReaderError
         More than ``MAX_COLUMNS`` columns.
     """
-    names = tuple(name.strip().strip('"').strip() for name in line.split(delimiter))
+    names = tuple(_bare(name) for name in line.removeprefix(COMMENT).split(delimiter))
     if len(names) > MAX_COLUMNS:
         raise ReaderError(f"the header has {len(names)} columns; at most {MAX_COLUMNS} make sense")
     return names
 
 
 def is_numeric_row(cells: Sequence[str]) -> bool:
-    """Tell whether all cells are numbers; an empty last cell (a trailing comma) does not matter.
+    """Tell whether all cells are numbers.
 
     Parameters
     ----------
     cells
-        Cells of one line.
+        Cells of one line, from :func:`split_row`.
     """
-    filled = cells[:-1] if cells and not cells[-1].strip() else cells
-    return bool(filled) and all(_is_number(cell.strip()) for cell in filled)
+    return bool(cells) and all(_is_number(cell) for cell in cells)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from analysis import rotations
-from analysis.readers.number_table import Layout, is_numeric_row, read_table
+from analysis.readers.number_table import COMMENT, Layout, is_numeric_row, read_table, split_row
 from analysis.readers.time_stamps import RawSamples
 
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
@@ -22,7 +22,7 @@ def is_tum(lines: list[str]) -> bool:
     lines
         The first lines of the file.
     """
-    rows = [line.split("#", 1)[0].split() for line in lines]
+    rows = [split_row(line.split(COMMENT, 1)[0], None) for line in lines]
     rows = [row for row in rows if row]
     sound = [row for row in rows if len(row) == len(COLUMNS) and is_numeric_row(row)]
     return bool(rows) and len(sound) >= max(1, len(rows) - 2)
@@ -48,7 +48,7 @@ def read_tum(path: Path, lines: list[str]) -> RawSamples:
         A cell that is no number.
     """
     del lines
-    table = read_table(path, Layout(None, 0, tuple(range(8)), COLUMNS, comment="#"))
+    table = read_table(path, Layout(None, 0, tuple(range(8)), COLUMNS))
     return RawSamples(
         quats_wxyz=rotations.from_xyzw(table[:, 4:8]),
         times_s=table[:, 0].copy(),

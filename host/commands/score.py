@@ -42,7 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--columns", metavar="SPEC", help="what the columns are: t=time,qw=w,qx=x,qy=y,qz=z")
     parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where the file has no time stamps")
-    parser.add_argument("--topic", metavar="NAME", help="which topic of a bag")
+    parser.add_argument("--topic", metavar="NAME", help="which topic of a bag, or station of a tracker's file")
     parser.add_argument(
         "--node", type=int, metavar="N", help="node id of the object in a CAN log; else the first heard"
     )
