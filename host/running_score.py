@@ -31,7 +31,7 @@ class RunningScore:
     Parameters
     ----------
     target_half_width_deg : float, optional
-        Half-width of the interval that is aimed at; without one, half the present half-width.
+        Half-width of the interval that is aimed at.
     """
 
     def __init__(self, target_half_width_deg: float | None = None) -> None:
@@ -56,7 +56,7 @@ class RunningScore:
 
     @property
     def more_cycles(self) -> int | None:
-        """How many more cycles the target asks for; None where it cannot be said."""
+        """How many more cycles the target asks for; None without a target, or where it is out of reach."""
         if self.interval is None or self._target_deg is None:
             return None
         needed = steps_needed(self.interval, self._target_deg)

@@ -14,10 +14,10 @@ _CYCLES = re.compile(r"(\d+)(?: of \d+)? cycles?\b.*\d\d:\d\d")  # with the time
 
 
 class Terminal:
-    """A program in a terminal, and what is on its screen; by default the command, with ``shell`` a shell of its own."""
+    """A program in a terminal, and what is on its screen: the command, or what ``base`` names."""
 
-    def __init__(self, arguments, cwd, width=80, height=24, shell=None, **extra):
-        program = [*BASE, *map(str, arguments)] if shell is None else [shell, "--norc", "--noprofile", "-i"]
+    def __init__(self, arguments, cwd, width=80, height=24, base=BASE, **extra):
+        program = [*base, *map(str, arguments)]
         self._screen = pyte.Screen(width, height)
         self._stream = pyte.Stream(self._screen)
         self.raw = ""

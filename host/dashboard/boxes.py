@@ -37,11 +37,18 @@ def block(lines: Lines, width: int, height: int, look: Look) -> Lines:
 
 
 def framed(
-    lines: Lines, title: str, width: int, height: int, look: Look, meaning: str = "frame", right_title: str = ""
+    lines: Lines,
+    title: str,
+    width: int,
+    height: int,
+    look: Look,
+    meaning: str = "frame",
+    right_title: str = "",
+    foot: Text | None = None,
 ) -> Lines:
     """Draw a frame around lines; width and height are those of the frame.
 
-    A title at the right is left out where there is no room for both.
+    A title at the right is left out where there is no room for both; ``foot`` stands in the lower edge.
     """
     corners, bar, side = ("++++", "-", "|") if look.ascii_only else ("╭╮╰╯", "─", "│")
     inner = max(0, width - 4)
@@ -56,7 +63,11 @@ def framed(
     top.append((bar + corners[1])[: max(0, width - top.cell_len)], look.styles[meaning])
     left, right = look.text(f"{side} ", meaning), look.text(f" {side}", meaning)
     body = [Text.assemble(left, line, right, end="") for line in block(lines, inner, max(0, height - 2), look)]
-    return [top, *body, look.text(corners[2] + bar * max(0, width - 2) + corners[3], meaning)]
+    bottom = look.text(corners[2], meaning)
+    if foot:
+        bottom = look.join((f"{corners[2]}{bar} ", meaning)).append_text(foot).append(" ")
+    bottom.append(bar * (width - 1 - bottom.cell_len) + corners[3], look.styles[meaning])
+    return [top, *body, bottom]
 
 
 def _title(words: str, width: int, look: Look) -> Text:

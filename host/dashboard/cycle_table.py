@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rich.cells import cell_len
 from rich.text import Text
 
 from host.dashboard.boxes import Lines, block
@@ -58,13 +59,13 @@ def cycle_table(state: TrialState, look: Look, width: int, height: int) -> Lines
     lines = [look.text(head + ("  axis of step" if columns.axis else ""), "strong")]
     rows = state.cycles[-max(1, height - 1) :]
     longest = max((row.step_deg or 0.0 for row in state.cycles), default=0.0)
-    lines += [_line(row, longest, columns, look) for row in rows]
+    lines += [_line(row, longest, columns, look, width) for row in rows]
     if not rows:
         lines.append(look.text(f"  {_waiting(state)}", "quiet"))
     return block(lines, width, height, look)
 
 
-def _line(row: CycleRow, longest_deg: float, columns: _Columns, look: Look) -> Text:
+def _line(row: CycleRow, longest_deg: float, columns: _Columns, look: Look, width: int) -> Text:
     odd = "quiet" if row.excluded else "doubtful" if row.flags else "plain"
     share = 0.0 if row.step_deg is None or longest_deg <= 0 else row.step_deg / longest_deg
     cells = max(1 if row.step_deg else 0, round(share * columns.bar))
@@ -78,15 +79,13 @@ def _line(row: CycleRow, longest_deg: float, columns: _Columns, look: Look) -> T
     ]
     if columns.theta:
         parts.append(f"{_angle(row.theta_bar_deg, look):>{_THETA}}")
-    if columns.axis:
-        places = 2 if columns.axis == _WIDE_AXIS else 1
-        axis = "" if row.step_axis is None else look.vector(row.step_axis, places)
-        parts.append((f"  {axis:{columns.axis - 2}}", "quiet"))
-    if row.excluded:
-        parts.append((f" left out: {row.excluded}", "doubtful"))
-    elif row.flags:
-        parts.append((f" {', '.join(row.flags)}", "doubtful"))
-    return look.join(*parts)
+    line = look.join(*parts)
+    note = f"left out: {row.excluded}" if row.excluded else ", ".join(row.flags)
+    if columns.axis and row.step_axis is not None:
+        axis = look.join((f"  {look.vector(row.step_axis, 2 if columns.axis == _WIDE_AXIS else 1)}", "quiet"))
+        if not note or line.cell_len + axis.cell_len + 1 + cell_len(look.words(note)) <= width:  # a note goes before
+            line.append_text(axis)
+    return line.append_text(look.join((f" {note}" if note else "", "doubtful")))
 
 
 def _angle(angle_deg: float | None, look: Look) -> str:

@@ -50,6 +50,7 @@ _ASCII = str.maketrans(
         "≤": "<=",
         "≥": ">=",
         "→": "->",
+        "✓": "+",
     }
 )
 
@@ -96,7 +97,7 @@ class Look:
             line.append(self.words(text), self.styles[meaning])
         return line
 
-    def listed(self, parts: Sequence[Part], width: int | None = None) -> Text:
+    def listed(self, parts: Sequence[Part], width: int | None = None, between: str = " · ") -> Text:
         """Put texts in a row with a dot between them.
 
         Parameters
@@ -105,13 +106,15 @@ class Look:
             The most important first; empty ones are left out.
         width : int, optional
             Cells there are: parts that do not fit are left out, later ones that do are not. The first is always there.
+        between : str
+            What stands in place of the dot.
         """
         line, room = Text(no_wrap=True, end=""), width
         for part in parts:
             words, meaning = (part, "plain") if isinstance(part, str) else part
             if not words:
                 continue
-            piece = self.join((" · ", "quiet")) if line else Text(end="")
+            piece = self.join((between, "quiet")) if line else Text(end="")
             piece.append(self.words(words), self.styles[meaning])
             if room is not None and line and piece.cell_len > room:
                 continue

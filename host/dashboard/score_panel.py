@@ -1,4 +1,4 @@
-"""θ̄ in large figures, its interval, what is still missing, and a small drift path."""
+"""θ̄ in large figures, its interval, a small drift path, and below them the verdicts."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from host.dashboard.big_digits import big_text
 from host.dashboard.boxes import Lines, beside, block, framed
 from host.dashboard.drift_path import net_deg, small_path
 from host.dashboard.look import Look, Part
+from host.dashboard.verdicts import verdicts
 from host.trial_state import TrialState
 
 HEIGHT = 5
@@ -50,9 +51,18 @@ def score_panel(state: TrialState, look: Look, width: int, with_path: bool) -> L
     else:
         parts.append(block(_words(state, look, room), room, 3, look))
     name = " · ".join(part for part in (state.title, state.sensor.name or "sensorized object") if part)
-    return framed(
-        beside(*parts), name, width, HEIGHT, look, "accent", "" if net is None else f"since the start {net:.1f}°"
-    )
+    since = "" if net is None else f"since the start {net:.1f}°"
+    return framed(beside(*parts), name, width, HEIGHT, look, "accent", since, _foot(state, look, inner - 2))
+
+
+def _foot(state: TrialState, look: Look, width: int) -> Text:
+    """Write the verdicts; where there is no room for all, whether it can be trusted is left to the lines below."""
+    answers = verdicts(state)
+    while True:
+        foot = look.listed(answers, between=" - " if look.ascii_only else " ─ ")
+        if foot.cell_len <= width or not answers:
+            return foot
+        del answers[-2 if len(answers) > 2 else -1]
 
 
 def _words(state: TrialState, look: Look, width: int) -> Lines:
@@ -74,24 +84,12 @@ def _words(state: TrialState, look: Look, width: int) -> Lines:
 
 def _interval(state: TrialState, look: Look) -> Text:
     if state.interval_deg is None:
-        return look.text(f"95 % interval: {missing(state) or 'none'}", "quiet")
+        from_when = "none" if state.n_cycles >= MIN_STEPS else f"from {MIN_STEPS} cycles on"
+        return look.text(f"95 % interval: {from_when}", "quiet")
     low, high = state.interval_deg
     places = 2 if high - low >= 0.04 else 3  # never "0.40° to 0.40°"
     half = "" if state.half_width_deg is None else f" (±{state.half_width_deg:.{places}f}°)"
     return look.text(f"95 % interval {low:.{places}f}° to {high:.{places}f}°{half}")
-
-
-def missing(state: TrialState) -> str:
-    """Say in a few words what a trustworthy score still needs; empty when nothing is missing."""
-    needed = MIN_STEPS - state.n_cycles
-    if needed > 0:
-        return f"needs {needed} more cycle{'s' if needed > 1 else ''}"
-    target = state.target_half_width_deg
-    if target is not None and state.half_width_deg is not None and state.half_width_deg > target:
-        if state.more_cycles is None:
-            return f"±{target:g}° is out of reach"
-        return f"needs {state.more_cycles} more for ±{target:g}°"
-    return ""
 
 
 def _cycles(state: TrialState) -> str:
@@ -102,11 +100,9 @@ def _cycles(state: TrialState) -> str:
 def _progress(state: TrialState, look: Look, width: int) -> Text:
     minutes, seconds = divmod(int(state.elapsed_s), 60)
     until = "" if state.target_s is None else f" of {state.target_s:.0f} s"
-    wanted = "" if state.interval_deg is None else missing(state)
     left_out = sum(1 for row in state.cycles if row.excluded and row.number)
     parts: list[Part] = [
         _cycles(state),
-        (wanted, "strong"),
         (f"{left_out} left out" if left_out else "", "doubtful"),
         f"{minutes:02d}:{seconds:02d}{until}",
     ]

@@ -9,6 +9,7 @@ from rich.cells import cell_len
 
 from host.dashboard.boxes import Lines, framed
 from host.dashboard.look import Look, Part
+from host.dashboard.verdicts import SILENCE_S
 from host.trial_state import TrialState
 
 HEIGHT = 8
@@ -16,7 +17,6 @@ RATE_TOLERANCE = 0.05
 """Relative difference from the expected rate that is marked."""
 LOSS_LIMIT = 0.01
 """Share of missing samples that is marked as bad."""
-SILENCE_S = 1.0
 NAME_WIDTH = 10
 
 
@@ -49,8 +49,10 @@ def _motion(state: TrialState, look: Look) -> list[Part]:
         parts: list[Part] = [f"{motion.phase} {phase_bar(motion.cycle_phase, look)}{of_period}"]
     else:
         parts = [motion.phase, of_period and f"period{of_period.removeprefix(' of')}"]
-    if motion.flags:
-        parts.append((", ".join(motion.flags), "doubtful"))
+    # At rest it turns about no axis at all, and that is as it should be.
+    flags = [flag for flag in motion.flags if not (motion.at_rest and flag == "axis ambiguous")]
+    if flags:
+        parts.append((", ".join(flags), "doubtful"))
     if motion.swing_deg is not None:
         parts.append(f"swing {_short(motion.swing_deg, 1)}°")
     if state.sensor.orientation_wxyz is not None:
@@ -70,9 +72,9 @@ def _sensor(state: TrialState) -> list[Part]:
     if sensor.battery_v is not None:
         parts.append(f"{sensor.battery_v:.1f} V")
     if sensor.heading_deg_per_min is not None:
-        parts.append(f"drifts {sensor.heading_deg_per_min:.2g}°/min")
         if sensor.floor_deg is not None:
-            parts.append(f"floor {sensor.floor_deg:.2g}° per cycle")
+            parts.append(f"floor {sensor.floor_deg:.2g}°/cycle")
+        parts.append(f"drifts {sensor.heading_deg_per_min:.2g}°/min")
     else:
         parts.append(("no baseline: floor unknown", "quiet"))
     if sensor.calibrated is False:

@@ -45,6 +45,9 @@ class Frame:
 class Stop:
     """The end: give the terminal back."""
 
+    in_order: bool = True
+    """False where the capture is gone without a word."""
+
 
 Message = Frame | Stop
 
@@ -57,14 +60,14 @@ def send(file: IO[bytes], message: Message) -> None:
 
 
 def receive(file: IO[bytes]) -> Message:
-    """Read a message; :class:`Stop` when the other side is gone."""
+    """Read a message; a :class:`Stop` out of order when the other side is gone."""
     head = file.read(_LENGTH.size)
     if len(head) < _LENGTH.size:
-        return Stop()
+        return Stop(in_order=False)
     (length,) = _LENGTH.unpack(head)
     data = file.read(length)
     if len(data) < length:
-        return Stop()
+        return Stop(in_order=False)
     message: Message = pickle.loads(data)  # noqa: S301 - from our own other half, through an anonymous pipe
     return message
 

@@ -35,6 +35,7 @@ NICE = 5
 """By how much the capture goes before, where both want the processor."""
 LEAVE_S = 1.0
 """How long to wait at the end for a terminal that takes nothing."""
+GONE = "\r\nThe capture was ended from outside; its recording is kept.\r\n"
 ASIDE = "\r\nThe capture goes on. Press any key to come back to its screen; q there ends it.\r\n"
 _COLORS = {"standard": ColorSystem.STANDARD, "256": ColorSystem.EIGHT_BIT, "truecolor": ColorSystem.TRUECOLOR}
 
@@ -62,7 +63,7 @@ class ScreenProcess:
         self._shown: tuple[TrialState, ...] = self._states
         self._cycles: dict[int, tuple[CycleRow, ...]] = {}
         self._keys = KeyReader(View(look=Look(settings.ascii_only, settings.light)))
-        self._stop = False
+        self._stop: Stop | None = None
         self._urgent = self._news = True
         self._bell = False
         self._anew = True
@@ -83,18 +84,22 @@ class ScreenProcess:
                 with self._changed:
                     now_s = time.monotonic()
                     due_s = drawn_s + (FRAME_S if self._urgent else CALM_S)
-                    if not self._stop and now_s < due_s:
+                    stop = self._stop
+                    if stop is None and now_s < due_s:
                         self._changed.wait(due_s - now_s)
                         continue
-                    stop = self._stop
                     news = self._news or self._anew or self._unsent or self._terminal.size() != self._size
                     self._urgent = self._news = False
                 drawn_s = time.monotonic()
-                if news or stop:
-                    self._draw()
-                if stop:
+                if stop is not None:
                     break
-            self._leave()
+                if not self._terminal.in_foreground():
+                    self._anew = True  # a shell has the terminal; once it is ours again everything is drawn
+                elif news:
+                    self._draw()
+            if stop.in_order and self._terminal.in_foreground():
+                self._draw()
+            self._leave("" if stop.in_order else GONE)
         except TerminalLostError:
             self._drain()
 
@@ -114,9 +119,9 @@ class ScreenProcess:
                     self._news = True
                     self._urgent = self._urgent or message.urgent
                     self._bell = self._bell or message.bell
-                elif isinstance(message, Stop):
-                    self._stop = True
-                if self._urgent or self._stop:
+                else:
+                    self._stop = message
+                if self._urgent or self._stop is not None:
                     self._changed.notify()
             if isinstance(message, Stop):
                 return
@@ -194,10 +199,9 @@ class ScreenProcess:
                 return
             self._unsent = self._unsent[written:]
 
-    def _leave(self) -> None:
+    def _leave(self, last_words: str) -> None:
         """Leave the screen; a terminal that takes nothing gets a second to change its mind."""
-        if not self._was_aside:
-            self._unsent += LEAVE.encode()
+        self._unsent += ("" if self._was_aside else LEAVE).encode() + last_words.encode()
         end_s = time.monotonic() + LEAVE_S
         while self._unsent and time.monotonic() < end_s:
             self._flush()
@@ -207,14 +211,14 @@ class ScreenProcess:
     def _drain(self) -> None:
         """Without a terminal: take frames until the capture ends, so that it never waits for us."""
         with self._changed:
-            while not self._stop:
+            while self._stop is None:
                 self._changed.wait(1.0)
 
 
 def main() -> None:
     """Run the process; see :class:`host.screen.live_screen.LiveScreen` for its arguments."""
     descriptor, settings = int(sys.argv[1]), ScreenSettings(**json.loads(sys.argv[2]))
-    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGTSTP", "SIGTTOU", "SIGTTIN", "SIGBREAK"):
+    for name in ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP", "SIGTSTP", "SIGTTOU", "SIGTTIN", "SIGBREAK"):
         number = getattr(signal, name, None)
         if number is not None:
             signal.signal(number, signal.SIG_IGN)  # only the capture decides when this ends

@@ -70,7 +70,12 @@ if sys.platform == "win32":
             while msvcrt.kbhit():
                 key = msvcrt.getwch()
                 keys += "" if key in "\x00\xe0" and msvcrt.getwch() else key
-            return keys
+            # What is not in the first 65,536 characters comes in two halves.
+            return keys.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+
+        def in_foreground(self) -> bool:
+            """Windows has no background jobs at a console."""
+            return True
 
         def give_back(self) -> None:
             """Restore the console."""
@@ -96,6 +101,7 @@ else:
             except OSError:
                 self._fd = os.dup(descriptor)  # a terminal of another user; writing may wait then
             self._before: list[Any] | None = None
+            self._ours: list[Any] | None = None
             self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
 
         def take(self) -> None:
@@ -104,15 +110,38 @@ else:
             if self._before is None:
                 self._before = termios.tcgetattr(self._fd)
             mode[0] &= ~(termios.IXON | termios.ICRNL)
-            mode[3] &= ~(termios.ICANON | termios.ECHO)
+            mode[3] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
             off = os.fpathconf(self._fd, "PC_VDISABLE")
             mode[6][termios.VSUSP] = bytes([off & 0xFF])
             mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
             termios.tcsetattr(self._fd, termios.TCSANOW, mode)
+            self._ours = termios.tcgetattr(self._fd)
+
+        def in_foreground(self) -> bool:
+            """Whether the terminal is ours to use: a shell that stopped the capture, or outlived it, has it back.
+
+            Raises
+            ------
+            TerminalLostError
+                It is gone.
+            """
+            try:
+                return os.tcgetpgrp(self._fd) == os.getpgrp()
+            except OSError as error:
+                raise TerminalLostError(str(error)) from error
 
         def size(self) -> tuple[int, int]:
-            """Width and height, cells; 80 x 24 where the terminal does not say."""
-            size = os.get_terminal_size(self._fd)
+            """Width and height, cells; 80 x 24 where the terminal does not say.
+
+            Raises
+            ------
+            TerminalLostError
+                It is gone.
+            """
+            try:
+                size = os.get_terminal_size(self._fd)
+            except OSError as error:
+                raise TerminalLostError(str(error)) from error
             return (size.columns or 80), (size.lines or 24)
 
         def write(self, data: bytes) -> int:
@@ -140,6 +169,9 @@ else:
             """
             try:
                 ready, _, _ = select.select([self._fd], [], [], timeout_s)
+                if ready and not self.in_foreground():  # it is typed for somebody else
+                    time.sleep(timeout_s)
+                    return ""
                 data = os.read(self._fd, 1024) if ready else None
             except BlockingIOError:
                 return ""
@@ -152,10 +184,11 @@ else:
             return self._decoder.decode(data)
 
         def give_back(self) -> None:
-            """Restore the modes found at the beginning; never waits."""
+            """Restore the modes found at the beginning, unless a shell has set its own already; never waits."""
             if self._before is not None:
-                with contextlib.suppress(termios.error, OSError):
-                    termios.tcsetattr(self._fd, termios.TCSANOW, self._before)
+                with contextlib.suppress(termios.error, OSError, TerminalLostError):
+                    if termios.tcgetattr(self._fd) == self._ours or self.in_foreground():
+                        termios.tcsetattr(self._fd, termios.TCSANOW, self._before)
             os.close(self._fd)
 
     def in_foreground(descriptor: int) -> bool:

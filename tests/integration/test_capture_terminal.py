@@ -4,7 +4,6 @@ import json
 import re
 import signal
 import sys
-import time
 
 import pytest
 
@@ -14,8 +13,6 @@ pytest.importorskip("pexpect")
 pytest.importorskip("pyte")
 if sys.platform == "win32":
     pytest.skip("needs a pseudo-terminal", allow_module_level=True)
-
-import pexpect
 
 from host.capture.playback import recorded_actions
 from host.virtual_object_process import VirtualObjectProcess
@@ -34,11 +31,9 @@ def result_of(recording):
 
 def test_the_demonstration_shows_the_drift_grow_and_gives_the_terminal_back(tmp_path):
     terminal = Terminal(["demo", "--scenario", quick_scenario(tmp_path), "--cycles", 8], tmp_path)
-    early = terminal.wait_for_cycles(2)
-    assert "rotation drift θ̄ per cycle, so far" in early
-    assert "virtual cube" in early
-    assert "Hz of 200" in early
-    assert "none of" in early
+    terminal.wait_for_cycles(2)
+    for part in ("rotation drift θ̄ per cycle, so far", "virtual cube", "✓ connected", "Hz of 200", "none of"):
+        terminal.wait_for(part)
     assert "\x1b[?1049h" in terminal.raw
     assert terminal.finish() == 0
     assert "true θ̄ = 0.400°" in terminal.after
@@ -132,21 +127,6 @@ def test_ctrl_z_steps_aside_and_the_capture_goes_on(tmp_path, virtual):
     assert terminal.finish() == 0
     assert terminal.modes() == terminal.modes_before
     assert result_of(recording)["losses"]["missing"] == 0
-
-
-def test_a_killed_capture_still_gives_the_terminal_back(tmp_path, virtual):
-    terminal = Terminal(["capture", virtual.link, "--out", tmp_path / "trial.mcap"], tmp_path)
-    terminal.wait_for_cycles(1)
-    terminal.process.kill(signal.SIGKILL)
-    deadline = time.monotonic() + 10
-    while "\x1b[?1049l" not in terminal.raw or terminal.modes() != terminal.modes_before:
-        assert time.monotonic() < deadline
-        try:
-            terminal.read()
-        except pexpect.EOF:
-            break
-    assert "\x1b[?1049l" in terminal.raw
-    assert terminal.raw.rindex("\x1b[?25h") > terminal.raw.rindex("\x1b[?25l")
 
 
 def test_a_guided_trial_up_to_an_interval_then_a_key(tmp_path):

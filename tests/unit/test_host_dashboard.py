@@ -9,9 +9,10 @@ from rich.console import Console
 
 from host.dashboard import render
 from host.dashboard.big_digits import big_text
+from host.dashboard.verdicts import verdicts
 from host.loss_ledger import LossReport
 from host.screen.screens import LineScreen, QuietScreen, open_screen
-from host.trial_state import Alarm, CycleRow, LinkView, MotionView, RecordingView, SensorView, TrialState
+from host.trial_state import Alarm, CycleRow, GuideView, LinkView, MotionView, RecordingView, SensorView, TrialState
 
 
 def drawn(state, width=80, height=24, **options):
@@ -99,6 +100,48 @@ def test_troubles_are_words_not_only_colours():
     )
     for part in ("DISCONNECTED", "3 chunks", "1 reconnect", "disk is full", "SATURATED", "! something"):
         assert part in text, part
+
+
+def glance(**changes):
+    """The verdicts of a trial that is well, but for some changes."""
+    state = replace(RUNNING, sensor=replace(RUNNING.sensor, floor_deg=0.05), target_cycles=None)
+    return [words for words, _ in verdicts(replace(state, **changes))]
+
+
+def test_a_glance_tells_connected_cycles_trust_and_enough():
+    assert glance() == ["✓ connected", "✓ cycles", "✓ above the floor", "✓ enough to score"]
+    assert [words for words, _ in verdicts(TrialState())] == ["… no data yet", "… needs 4 more cycles"]
+    link, motion, sensor = RUNNING.link, RUNNING.motion, RUNNING.sensor
+    assert glance(link=replace(link, connected=False))[0] == "! DISCONNECTED"
+    assert glance(link=replace(link, silent_s=3.2))[0] == "! silent for 3 s"
+    assert glance(alarms=(Alarm("no cycles", "..."),))[1] == "! no cycles found"
+    assert glance(cycles=(), n_endpoints=0, theta_bar_deg=None)[1:] == ["… no cycles yet", "… needs 4 more cycles"]
+    assert glance(motion=replace(motion, flags=("pause",)))[1] == "… the hand rests"
+    assert glance(sensor=sensor)[2] == "! floor unknown"
+    assert glance(alarms=(Alarm("floor", "..."),))[2] == "! below the floor"
+    assert glance(alarms=(Alarm("floor", "..."), Alarm("swing", "...")))[2] == "! see the alarm"
+    assert glance(target_cycles=12)[3] == "… 1 cycle to go"
+    assert glance(n_endpoints=4)[3] == "… needs 1 more cycle"
+    aim = {"half_width_deg": 0.3, "target_half_width_deg": 0.2}
+    assert glance(**aim, more_cycles=5)[3] == "… needs 5 more for ±0.2°"
+    assert glance(**aim, more_cycles=None)[3] == "! ±0.2° is out of reach"
+    assert glance(half_width_deg=0.2, target_half_width_deg=0.2)[3] == "✓ ±0.2° reached"
+    assert glance(guide=GuideView(3, 5, "let it turn", ""))[2:] == ["✓ above the floor"]
+    assert glance(replayed=True)[0] == "✓ cycles"
+    assert glance(finished=True) == []
+
+
+def test_where_there_is_no_room_for_all_verdicts_trust_is_left_out():
+    state = replace(RUNNING, half_width_deg=0.3, target_half_width_deg=0.2, more_cycles=5)
+    assert "connected ─ ✓ cycles ─ ! floor unknown ─ … needs 5 more for ±0.2° ─" in plain(state, 80)
+    assert "connected ─ ✓ cycles ─ … needs 5 more for ±0.2° ─" in plain(state, 70)
+    assert "connected ─ … needs 5 more for ±0.2° ─" in plain(state, 50)
+
+
+def test_at_rest_no_axis_is_ambiguous():
+    resting = replace(RUNNING, motion=replace(RUNNING.motion, flags=("axis ambiguous",), turn_rate_dps=0.2))
+    assert "ambiguous" not in plain(resting)
+    assert "ambiguous" in plain(replace(resting, motion=replace(resting.motion, turn_rate_dps=20.0)))
 
 
 def test_large_figures_know_their_limits():
