@@ -1,6 +1,6 @@
 """Real SocketCAN: a user-mode kernel with CAN boots as an ordinary process, and our links are checked inside it.
 
-What is checked stands in ``tests/uml/guest_checks.py``; ``tests/uml/install.sh`` installs what it needs.
+What is checked stands in ``tests/uml/guest_checks.py``; ``tests/system-packages.sh`` installs what it needs.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ def missing() -> str | None:
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return "user-mode Linux is there for Linux on x86-64 only"
     if not list(Path("/usr/lib/uml/modules").glob("*/kernel/drivers/net/can/vcan.ko")):
-        return "the user-mode kernel is not installed: tests/uml/install.sh"
+        return "the user-mode kernel is not installed: tests/system-packages.sh"
     path = "/usr/sbin:/sbin:" + os.environ.get("PATH", "")
     for program in ("linux.uml", "candump", "canplayer", "slcand", "ip"):
         if shutil.which(program, path=path) is None:
-            return f"{program} is not installed: tests/uml/install.sh"
+            return f"{program} is not installed: tests/system-packages.sh"
     if "amx_tile" in Path("/proc/cpuinfo").read_text() and shutil.which("gcc") is None:
         return "on processors with AMX the user-mode kernel needs a small library, and there is no gcc to make it"
     return None

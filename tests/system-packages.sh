@@ -1,0 +1,42 @@
+#!/bin/sh
+# Installs what some tests need beside Python, on Debian and Ubuntu: a browser, GNU Octave, a C compiler, the user-mode
+# kernel with SocketCAN. Best effort: it asks nothing, ends within LIMIT_S seconds, and always with 0, because a test whose
+# program is missing skips and says so.   LIMIT_S=300 tests/system-packages.sh
+set -u
+DEADLINE=$(($(date +%s) + ${LIMIT_S:-300}))
+LOG=$(mktemp)
+trap 'rm -f "$LOG"' EXIT
+
+any() { for program; do PATH="$PATH:/usr/sbin:/sbin" command -v "$program" >/dev/null && return 0; done; return 1; }
+
+wanted=""
+any chromium chromium-browser google-chrome google-chrome-stable chrome || wanted="$wanted chromium"
+any octave-cli octave || wanted="$wanted octave"
+any gcc cc || wanted="$wanted gcc libc6-dev"
+any unzip || wanted="$wanted unzip"
+any ip || wanted="$wanted iproute2"
+any candump || wanted="$wanted can-utils"
+[ "$(uname -m)" != x86_64 ] || any linux.uml || wanted="$wanted user-mode-linux"
+[ -n "$wanted" ] || exit 0
+
+if [ "$(id -u)" = 0 ]; then root=""; else root="sudo -n"; fi
+if ! any apt-get || ! $root true 2>/dev/null; then
+  echo "system packages: no apt-get, or not allowed to use it; tests that need$wanted will skip"
+  exit 0
+fi
+
+apt() { # in the time that is left
+  left=$((DEADLINE - $(date +%s)))
+  [ "$left" -gt 0 ] || return 1
+  $root timeout --kill-after=10 "$left" env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-install-recommends \
+    -o DPkg::Lock::Timeout=60 -o Acquire::Retries=2 -o Acquire::http::Timeout=20 "$@" </dev/null >"$LOG" 2>&1
+}
+
+echo "system packages: installing$wanted"
+apt update || echo "system packages: the lists could not be renewed"
+# shellcheck disable=SC2086 # a list of names
+apt install $wanted && exit 0
+for package in $wanted; do # one that cannot be had must not cost the others
+  apt install "$package" || echo "system packages: no $package ($(tail -n 1 "$LOG")); its tests will skip"
+done
+exit 0
