@@ -98,6 +98,8 @@ class OrientationSeries:
     """What makes the data doubtful, e.g. data that contradict the declared convention; go into every result."""
     accelerations_mps2: FloatArray | None = None
     """(n, 3) specific force in the body frame, m/s², where the source has it: shows where up is."""
+    times_measured: bool = True
+    """False where the source has no time stamps: an even rate was taken, and missing samples cannot be seen."""
     set_aside: SetAside | None = None
     """Samples left out because of their time stamps."""
 

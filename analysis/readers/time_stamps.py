@@ -97,6 +97,7 @@ def to_series(raw: RawSamples, rate_hz: float | None = None) -> OrientationSerie
         convention=raw.convention,
         notes=(*notes, *_gap_notes(times_s[keep])),
         warnings=raw.warnings,
+        times_measured=raw.times_s is not None,
         set_aside=None if keep.all() else _set_aside(raw, times_s, rows, ~keep),
     )
 

@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 
 from analysis.reporting import figure_style as look
 from analysis.reporting.clouds import BODY_AXES, Clouds
-from analysis.reporting.figures import numbers_shown
+from analysis.reporting.point_numbers import draw_numbers
 from analysis.series import FloatArray
 
 
@@ -52,7 +52,7 @@ def _tips(figure: look.PaperFigure, clouds: Clouds) -> None:
     """Beside each other the end points of the three axes alone: the sphere seen from outside, all on one scale."""
     figure.text(0.03, 0.345, "the end points alone, enlarged and numbered (°)", va="top", fontsize=7.5, weight="bold")
     panels = [_flattened(points) for points in clouds.endpoint_axes]
-    half = max(0.6 * max(float(np.ptp(flat, axis=0).max()) for flat in panels), 1e-3)
+    half = max(0.72 * max(float(np.ptp(flat, axis=0).max()) for flat in panels), 1e-3)
     for number, flat in enumerate(panels):
         ax: Any = figure.add_axes((0.085 + 0.315 * number, 0.05, 0.25, 0.25 * look.COLUMN_IN / 3.9))
         colour = look.AXIS_COLOURS[number]
@@ -60,26 +60,11 @@ def _tips(figure: look.PaperFigure, clouds: Clouds) -> None:
         ax.plot(flat[:, 0], flat[:, 1], look.AXIS_MARKERS[number], color=colour, ms=2.6, mec="black", mew=0.3)
         middle = 0.5 * (flat.max(axis=0) + flat.min(axis=0))
         ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
-        for point in _apart(flat, 0.3 * half):
-            away = flat[point] - flat.mean(axis=0) if point in {0, len(flat) - 1} else np.array((0.0, 1.0))
-            offset = 6.0 * away / max(float(np.linalg.norm(away)), 1e-9)
-            ax.annotate(
-                str(point + 1), flat[point], xytext=tuple(offset), textcoords="offset points", fontsize=5.5, zorder=5,
-                ha="center", va="center",
-            )  # fmt: skip
+        draw_numbers(ax, flat, 5.5)
         ax.set_title(f"object {BODY_AXES[number]}", fontsize=6.5, color=colour, pad=2)
         ax.tick_params(labelsize=5, length=2, pad=1.5)
         for axis in (ax.xaxis, ax.yaxis):
             axis.set_major_locator(MaxNLocator(3))
-
-
-def _apart(points: FloatArray, least: float) -> list[int]:
-    """Which points carry their number: the first, the last, and others as far as none covers another."""
-    shown = [0, len(points) - 1] if len(points) > 1 else [0]
-    for number in range(1, len(points) - 1):
-        if np.linalg.norm(points[shown] - points[number], axis=1).min() > least:
-            shown.append(number)
-    return shown
 
 
 def _flattened(points: FloatArray) -> FloatArray:
@@ -111,47 +96,79 @@ def translation_cloud_figure(clouds: Clouds) -> look.PaperFigure | None:
 def _cloud_figure(
     clouds: Clouds, cloud: FloatArray, points: FloatArray, names: tuple[str, str, str], unit: str, what: str
 ) -> look.PaperFigure:
-    figure = look.new_figure(4.5, layout="none")
+    figure = look.new_figure(5.0, layout="none")
     figure.text(0.03, 0.985, f"{what}, world frame", va="top", fontsize=7.5, weight="bold")
-    whole: Any = figure.add_axes((0.02, 0.49, 0.86, 0.47), projection="3d", computed_zorder=False)
+    figure.text(0.03, 0.455, "the end points alone, enlarged and numbered", va="top", fontsize=7.5, weight="bold")
+    whole: Any = figure.add_axes((0.0, 0.455, 0.93, 0.5), projection="3d", computed_zorder=False)
+    near: Any = figure.add_axes((0.0, 0.0, 0.93, 0.455), projection="3d", computed_zorder=False)
+    view = _view(points)
+    for ax, values in ((whole, np.concatenate((cloud, points))), (near, points if len(points) else np.zeros((1, 3)))):
+        _frame(ax, values, names, unit, view)
     whole.scatter(*cloud[~clouds.scored].T, s=1, color=look.LIGHT, lw=0, rasterized=True, depthshade=False)
     whole.scatter(*cloud[clouds.scored].T, s=1.5, color=look.BLUE, lw=0, alpha=0.5, rasterized=True, depthshade=False)
     whole.plot([], [], "o", ms=3, color=look.BLUE, label="samples, first to last end point")
     whole.plot([], [], "o", ms=3, color=look.LIGHT, label="samples before and after")
-    near: Any = figure.add_axes((0.02, 0.02, 0.86, 0.42), projection="3d", computed_zorder=False)
-    figure.text(0.03, 0.47, "the end points alone, enlarged and numbered", va="top", fontsize=7.5, weight="bold")
     if len(points):
         whole.scatter(
-            *points.T, s=20, facecolor=look.VERMILION, edgecolor="black", lw=0.5, depthshade=False, label="end points"
+            *points.T, s=16, facecolor=look.VERMILION, edgecolor="black", lw=0.5, depthshade=False, label="end points"
         )
         near.plot(*points.T, color=look.GREY, lw=0.7)
         near.scatter(
-            *points.T, s=18, c=np.arange(len(points)), cmap="viridis", edgecolor="black", lw=0.4, depthshade=False
+            *points.T, s=14, c=np.arange(len(points)), cmap="viridis", edgecolor="black", lw=0.4, depthshade=False
         )
-        for number in numbers_shown(len(points), 20):
-            near.text(*points[number], f"  {number + 1}", fontsize=6.5, zorder=20, va="bottom")
-    for ax, values in ((whole, np.concatenate((cloud, points))), (near, points if len(points) else np.zeros((1, 3)))):
-        _frame(ax, values, names, unit)
-    figure.legend(loc="upper right", bbox_to_anchor=(1.0, 0.975), fontsize=6, markerscale=1.2, handletextpad=0.1)
+        draw_numbers(near, _projected(near, points), 6.5)
+    figure.legend(
+        loc="upper right", bbox_to_anchor=(1.0, 0.965), fontsize=6, markerscale=1.2, handletextpad=0.1, labelspacing=0.3
+    )
     return figure
 
 
-def _frame(ax: Any, values: FloatArray, names: tuple[str, str, str], unit: str) -> None:  # noqa: ANN401 - mplot3d
+_VIEWS = tuple((22.0, azimuth) for azimuth in (-52.0, -128.0, 38.0, 142.0))
+
+
+def _view(points: FloatArray) -> tuple[float, float]:
+    """Elevation and azimuth, of a few, from which the path of the end points looks longest: they are apart there."""
+
+    def length(view: tuple[float, float]) -> float:
+        elevation, azimuth = np.radians(view)
+        right = (-np.sin(azimuth), np.cos(azimuth), 0.0)
+        up = (-np.sin(elevation) * np.cos(azimuth), -np.sin(elevation) * np.sin(azimuth), np.cos(elevation))
+        return round(float(np.linalg.norm(np.diff(points @ np.stack((right, up), axis=1), axis=0), axis=1).sum()), 6)
+
+    return max(_VIEWS, key=length)
+
+
+def _projected(ax: Any, points: FloatArray) -> FloatArray:  # noqa: ANN401 - mplot3d
+    """(n, 2) where points of 3-D axes lie in the plane of the picture."""
+    ax.apply_aspect()
+    seen: FloatArray = np.column_stack((points, np.ones(len(points)))) @ ax.get_proj().T
+    return seen[:, :2] / seen[:, 3:]
+
+
+def _frame(  # mplot3d has no types
+    ax: Any,  # noqa: ANN401
+    values: FloatArray,
+    names: tuple[str, str, str],
+    unit: str,
+    view: tuple[float, float],
+) -> None:
     """Equal scales on all three axes, labels with units, no grey panes."""
     middle = 0.5 * (values.max(axis=0) + values.min(axis=0))
     half = max(0.55 * float(np.ptp(values, axis=0).max()), 1e-6)
     for set_limits, centre in zip((ax.set_xlim, ax.set_ylim, ax.set_zlim), middle, strict=True):
         set_limits(centre - half, centre + half)
-    ax.set_box_aspect((1, 1, 1), zoom=0.86)
+    ax.set_box_aspect((1, 1, 1), zoom=0.9)
     for set_label, name in zip((ax.set_xlabel, ax.set_ylabel, ax.set_zlabel), names, strict=True):
-        set_label(f"{name} ({unit})", labelpad=-6)
+        set_label(f"{name} ({unit})", labelpad=-7)
+    ax.zaxis.set_rotate_label(False)  # else it may stand on its head
+    ax.zaxis.label.set_rotation(90)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.pane.set_facecolor("white")
         axis.pane.set_edgecolor(look.LIGHT)
         axis.get_major_locator().set_params(nbins=5)
     ax.tick_params(pad=-3, labelsize=6)
     ax.grid(visible=True)
-    ax.view_init(elev=22, azim=-52)
+    ax.view_init(elev=view[0], azim=view[1])
 
 
 def _look_at_the_axes(ax: Any, clouds: Clouds) -> None:  # noqa: ANN401 - mplot3d

@@ -107,6 +107,6 @@ def make_figure(trial: TrialReport, name: str) -> look.PaperFigure | None:
         "steps": lambda: figures.steps_figure(result) if enough else None,
         "drift": lambda: figures.drift_figure(result) if enough else None,
         "sensitivity": lambda: figures.sensitivity_figure(result) if trial.view.sensitivity() else None,
-        "link": lambda: figures.link_figure(series, trial.losses),
+        "link": lambda: figures.link_figure(series, trial.losses) if series.times_measured else None,
     }
     return makers[name]()

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import functools
 import io
+import re
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -14,6 +16,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.ft2font import LoadFlags
+
+from analysis.series import FloatArray
 
 COLUMN_IN = 3.5
 """Width of one column of a two-column paper, inches (89 mm)."""
@@ -27,7 +31,8 @@ AXIS_MARKERS = ("o", "^", "s")
 """The object's x, y, z: by colour and by shape."""
 
 FORMATS = ("png", "svg", "pdf")
-PNG_DPI = 200
+PNG_DPI = 300
+"""What journals ask for."""
 
 _SETTINGS: Any = {
     "font.family": "DejaVu Sans",  # ships with matplotlib and has θ̄
@@ -101,6 +106,19 @@ def drawable(text: str) -> str:
     return "".join(c if (ord(c) in _glyphs() and c.isprintable()) or c == "\n" else "\ufffd" for c in text)
 
 
+def vector(parts: Sequence[float] | FloatArray, digits: int = 2) -> str:
+    """Write a vector with signs, and with minus signs that are no hyphens.
+
+    Parameters
+    ----------
+    parts
+        (3,) no unit.
+    digits
+        After the point.
+    """
+    return "(" + ", ".join(f"{part:+.{digits}f}" for part in parts).replace("-", "−") + ")"
+
+
 @functools.cache
 def _advance(character: str, *, bold: bool) -> float:
     font = get_font(findfont(FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")))
@@ -123,7 +141,7 @@ def text_width_in(text: str, size: float, *, bold: bool = False) -> float:
 
 
 def wrapped(text: str, width_in: float, size: float, *, bold: bool = False) -> list[str]:
-    """Break a text into lines no wider than so many inches, at spaces where there are any.
+    """Break a text into lines no wider than so many inches: at spaces, and longer words after a hyphen or slash.
 
     Parameters
     ----------
@@ -147,13 +165,31 @@ def wrapped(text: str, width_in: float, size: float, *, bold: bool = False) -> l
             if line:
                 lines.append(line)
             line = ""
-            for character in word:
-                if line and text_width_in(line + character, size, bold=bold) > width_in:
+            for piece in re.findall(r"[^-_/]*[-_/]+|[^-_/]+$", word):
+                if line and text_width_in(line + piece, size, bold=bold) > width_in:
                     lines.append(line)
                     line = ""
-                line += character
+                for character in piece:
+                    if line and text_width_in(line + character, size, bold=bold) > width_in:
+                        lines.append(line)
+                        line = ""
+                    line += character
         lines.append(line)
     return lines
+
+
+def settle(figure: Figure) -> None:
+    """Fix the place of everything: the constrained layout settles over several draws, then every format shows the same.
+
+    Parameters
+    ----------
+    figure
+        Made by :func:`new_figure`.
+    """
+    if figure.get_layout_engine() is not None:
+        for _ in range(3):
+            figure.draw_without_rendering()
+        figure.set_layout_engine("none")
 
 
 def figure_bytes(figure: Figure, kind: str) -> bytes:
@@ -173,10 +209,6 @@ def figure_bytes(figure: Figure, kind: str) -> bytes:
     }
     buffer = io.BytesIO()
     with style():
-        if figure.get_layout_engine() is not None:
-            # The constrained layout settles over several draws; fixed now, every format shows the same.
-            for _ in range(3):
-                figure.draw_without_rendering()
-            figure.set_layout_engine("none")
+        settle(figure)
         figure.savefig(buffer, format=kind, metadata=metadata[kind], facecolor="white")
     return buffer.getvalue()

@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from analysis import rotations
 from analysis.reporting import figure_style as look
 from analysis.reporting.clouds import endpoint_arrays, turn_about_axis
+from analysis.reporting.point_numbers import draw_numbers
 from analysis.reporting.result_view import ResultView
 from analysis.series import FloatArray, OrientationSeries
 
@@ -94,12 +95,11 @@ def _draw_rotation(figure: FigureBase, series: OrientationSeries, result: dict[s
                 fontsize=6,
                 color=look.VERMILION,
             )
-    ax.margins(x=0.01, y=0.12)
+    ax.margins(x=0.01, y=0.17)
     ax.set_xlabel("time since the first sample (s)")
     ax.set_ylabel("rotation about the\nmotion axis (°)")
-    named = ", ".join(f"{part:+.2f}" for part in axis)
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.5)
-    ax.set_title(f"motion axis ({named}), world frame", fontsize=6.5, color=look.GREY, loc="right", pad=2)
+    ax.set_title(f"motion axis {look.vector(axis)}, world frame", fontsize=6.5, color=look.GREY, loc="right", pad=2)
 
 
 def steps_figure(result: dict[str, Any]) -> look.PaperFigure:
@@ -151,25 +151,20 @@ def drift_figure(result: dict[str, Any]) -> look.PaperFigure:
         plane = axes[:, np.argsort(values)[::-1][:2]]
         plane = plane * np.where(plane[np.abs(plane).argmax(axis=0), [0, 1]] < 0, -1.0, 1.0)
         flat = vectors @ plane
-        ax.plot(flat[:, 0], flat[:, 1], "-", color=look.GREY, lw=0.7, zorder=1)
+        ax.plot(flat[:, 0], flat[:, 1], "-", color=look.GREY, lw=0.7, zorder=2)
         ax.scatter(
-            flat[:, 0], flat[:, 1], s=16, c=np.arange(len(flat)), cmap="viridis", zorder=2, edgecolors="white", lw=0.4
+            flat[:, 0], flat[:, 1], s=16, c=np.arange(len(flat)), cmap="viridis", zorder=3, edgecolors="white", lw=0.4
         )
-        for number in numbers_shown(len(flat), 20):
-            ax.annotate(
-                str(number + 1), flat[number], xytext=(3, 3), textcoords="offset points", fontsize=6, color=look.INK
-            )
         ax.annotate(
             "",
             flat[-1],
             flat[0],
             arrowprops={"arrowstyle": "->", "color": look.VERMILION, "lw": 1.0, "shrinkA": 3, "shrinkB": 3},
-            zorder=3,
+            zorder=1,
         )
         shares = np.sort(values)[::-1] / max(float(values.sum()), 1e-300)
         for set_label, column in ((ax.set_xlabel, 0), (ax.set_ylabel, 1)):
-            named = ", ".join(f"{part:+.2f}" for part in plane[:, column])
-            set_label(f"rotation about{' ' if column == 0 else chr(10)}({named}) (°)")
+            set_label(f"rotation about{' ' if column == 0 else chr(10)}{look.vector(plane[:, column])} (°)")
         net = float(np.linalg.norm(vectors[-1]))
         ax.set_title(
             f"arrow: first to last end point, {net:.2f}° in {len(quats) - 1} cycles\n"
@@ -180,7 +175,9 @@ def drift_figure(result: dict[str, Any]) -> look.PaperFigure:
         middle, half = 0.5 * (flat.max(axis=0) + flat.min(axis=0)), 0.6 * max(float(np.ptp(flat, axis=0).max()), 1e-6)
         tall = max(0.65 * float(np.ptp(flat[:, 1])), 0.3 * half)
         ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - tall, middle[1] + tall))
-    ax.set_aspect("equal", adjustable="box")
+        ax.set_aspect("equal", adjustable="box")
+        look.settle(figure)
+        draw_numbers(ax, flat)
     return figure
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from analysis.series import FloatArray
+from analysis.writers.series_csv import safe_cell
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ def summary_csv(rows: Sequence[PooledFigure]) -> str:
     for row in rows:
         ends = row.interval_deg or (None, None)
         numbers = [row.mean_deg, *ends]
-        texts = [_cell(text) for text in (row.hand, row.object, row.motion)]
+        texts = [safe_cell(text) for text in (row.hand, row.object, row.motion)]
         ends_of_range = _exact(row.min_deg), _exact(row.max_deg)
         writer.writerow([*texts, *map(_exact, numbers), row.interval_kind, *ends_of_range, row.n_valid, row.n_trials])
     return buffer.getvalue()
@@ -159,11 +161,6 @@ def _exact(value: float | None) -> str:
     return "" if value is None else repr(value)
 
 
-def _cell(text: str) -> str:
-    """Keep a spreadsheet from taking a text for a formula; also where it drops what stands before it."""
-    return f"'{text}" if text.lstrip()[:1] in {"=", "+", "-", "@", "|", "%"} or text[:1] in {"\t", "\r"} else text
-
-
 def _escaped(text: str, characters: str, mark: str) -> str:
     return "".join(mark + c if c in characters else c for c in text).replace("\n", " ")
 
@@ -186,10 +183,15 @@ _LATEX = {
     "\ufffd": "?",
     "θ": "$\\theta$",
     "°": "$^\\circ$",
+    "`": "\\textasciigrave{}",
+    "'": "{'}",
+    "[": "{[}",  # at the begin of a line it would be an argument of the line break before, as the star
+    "*": "{*}",
     **{character: "\\" + character for character in "&%$#_{}"},
 }
 
 
 def _latex(text: str) -> str:
-    """Write a text so that LaTeX sets it as it is; ``--`` and ``?`` + back-tick would become other signs."""
-    return "".join(_LATEX.get(character, character) for character in text).replace("\n", " ").replace("--", "-{}-")
+    """Write a text so that LaTeX sets it as it is."""
+    written = "".join(_LATEX.get(character, character) for character in text).replace("\n", " ")
+    return re.sub("-(?=-)", "-{}", written)  # two hyphens would become a dash

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from analysis.reporting import figure_style as look
 from analysis.reporting.result_view import number
 from analysis.reporting.trial_report import TrialReport
 
@@ -151,6 +152,10 @@ def methods_text(trial: TrialReport) -> str:
         f"Orientation was recorded for {duration_s:.1f} s at {rate:.4g} Hz ({len(series)} samples), read as "
         f"{series.convention}."
     ]
+    if not series.times_measured:
+        sentences.append(
+            "The file has no time stamps: all times follow from that rate, and missing samples cannot be seen."
+        )
     if window.get("kind") == "endpoints":
         sentences.append(f"The {result.get('n_endpoints')} end points were chosen by hand ({window.get('source')}).")
     else:
@@ -202,7 +207,7 @@ def axis_text(axis: Any) -> str:  # noqa: ANN401 - whatever the JSON holds
     """Write a unit axis with signs; an em dash where there is none."""
     if not isinstance(axis, list) or len(axis) != 3 or None in axis:
         return "—"
-    return "(" + ", ".join(f"{part:+.3f}" for part in axis) + ")"
+    return look.vector(axis, 3)
 
 
 def percent(value: object) -> str:

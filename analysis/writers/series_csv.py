@@ -55,14 +55,20 @@ def endpoints_csv_text(result: dict[str, Any]) -> str:
         quat = [repr(float(part)) for part in point["quat_wxyz"]]
         flags = "; ".join(point.get("flags") or [])
         writer.writerow(
-            [number, point[kind], repr(float(point["time_s"])), *quat, flags, _cell(point.get("reason", ""))]
+            [number, point[kind], repr(float(point["time_s"])), *quat, flags, safe_cell(point.get("reason", ""))]
         )
     return buffer.getvalue()
 
 
-def _cell(text: str) -> str:
-    """Keep a spreadsheet from taking a text for a formula."""
-    return f"'{text}" if text[:1] in {"=", "+", "-", "@"} else text
+def safe_cell(text: str) -> str:
+    """Keep a spreadsheet from taking a text for a formula; also where it drops what stands before it.
+
+    Parameters
+    ----------
+    text
+        What a person wrote.
+    """
+    return f"'{text}" if text.lstrip()[:1] in {"=", "+", "-", "@", "|", "%"} or text[:1] in {"\t", "\r"} else text
 
 
 def write_csv(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:

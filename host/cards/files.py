@@ -180,7 +180,9 @@ def _shown(value: object) -> str:
     if isinstance(value, ObjectType):
         return value.value
     if isinstance(value, tuple):
-        if value and isinstance(value[0], Weight):
+        if not value:
+            return "none"
+        if isinstance(value[0], Weight):
             return ", ".join(f"slot {weight.slot}: {weight.mass_g:g} g" for weight in value)
         return "(" + ", ".join(f"{part:g}" for part in value) + ")"
     return f"{value:g}" if isinstance(value, float) else plain(value)

@@ -59,11 +59,14 @@ def test_the_object_fills_its_card():
 
 
 def test_a_mismatch_is_said_and_the_card_is_kept():
-    cards, notes = with_object(parse_cards("[object]\nmass_g = 200\ntype = 'sphere'\nsurface = 'Smooth'"), SAID)
+    cards, notes = with_object(
+        parse_cards("[object]\nmass_g = 200\ntype = 'sphere'\nsurface = 'Smooth'\nweights = []"), SAID
+    )
     assert cards.object.mass_g == 200
     said = "\n".join(notes)
     assert "object.mass_g: the card says 200, the object says 180.2" in said
     assert "object.type: the card says sphere, the object says cube" in said
+    assert "object.weights: the card says none, the object says slot 1: 20 g" in said
     assert "object.surface" not in said
 
 

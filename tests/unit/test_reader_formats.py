@@ -50,6 +50,7 @@ def test_ndx_whatever_its_name(tmp_path, trailing_comma):
     assert_poses(series, poses)
     np.testing.assert_allclose(series.positions_m, positions, atol=1e-12)
     assert series.interval_s == pytest.approx(1 / 240)
+    assert not series.times_measured
     assert any("240 Hz, assumed" in note for note in series.notes)
     assert "intrinsic z-y-x" in series.convention
     given = read_series(path, rate_hz=100.0)

@@ -130,6 +130,18 @@ def test_tables_keep_foreign_text_in_its_cell(comparison):
     assert '"<script>alert(1)</script> & | $x_1$ \\ =HYPERLINK(""x"")"' in table
 
 
+def test_names_in_latex_are_no_arguments_of_what_stands_before_them():
+    comparison = compare([source("s", *(trial(name, 1.0, (0.7, 1.3)) for name in ("[T42]", "*best*", "a---b", "?`")))])
+    latex = summary_latex(comparison.rows)
+    rows = latex.partition("\\midrule\n")[2].splitlines()
+    assert [row.partition(" & ")[0] for row in rows[:4]] == [
+        "{*}best{*}",
+        "?\\textasciigrave{}",
+        "{[}T42]",
+        "a-{}-{}-b",
+    ]
+
+
 def test_the_site_has_a_page_per_hand_and_object_and_only_relative_links(comparison):
     files = site_files(comparison, "0.1.0")
     assert files == site_files(comparison, "0.1.0")

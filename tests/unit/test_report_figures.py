@@ -1,14 +1,20 @@
 """Figures: the same bytes every time, in every format, from arrays that are checked against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from analysis.reporting import figure_style as look
 from analysis.reporting.clouds import MAX_CLOUD_POINTS, clouds_of, turn_about_axis
 from analysis.reporting.figure_set import CAPTIONS, draw_figures, make_figure
 from analysis.reporting.figures import _thinned, numbers_shown
+from analysis.reporting.point_numbers import number_offsets
 from analysis.reporting.result_view import ResultView
+from analysis.reporting.wording import methods_text
 from analysis.series import OrientationSeries
 from tests.scored_trials import scored, trial_report
 
@@ -133,13 +139,48 @@ def test_a_result_without_a_score_is_drawn_without_inventing_one():
     series, _ = scored(cycles=6)
     result = {"valid": False, "theta_bar_deg": None, "endpoints": [], "steps_deg": [], "reasons": ["static"]}
     trial = trial_report(cycles=6)
-    from dataclasses import replace
-
     empty = replace(trial, series=series, result=result)
     assert {figure.name for figure in draw_figures(empty, ("png",))} == {"rotation_cloud", "sphere", "rotation", "link"}
     assert ResultView.of(result).sensitivity() == []
 
 
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), max_size=25), st.sampled_from((1e-3, 1.0, 20.0, 100.0)))
+@settings(max_examples=30, deadline=None)
+def test_numbers_cover_no_point_and_no_other_number(points, spread):
+    points = spread * np.array(points).reshape(-1, 2)
+    corners = np.array(((-60.0, -60.0), (60.0, 60.0)))
+    found = number_offsets(np.clip(points, -45, 45), corners, 6.0)
+    assert {0, len(points) - 1} <= set(found) or not len(points)
+    boxes = []
+    for number, offset in found.items():
+        middle = np.clip(points, -45, 45)[number] + offset
+        half = np.array((0.33 * 6.0 * len(str(number + 1)), 0.4 * 6.0))
+        assert (middle - half >= corners[0]).all()
+        assert (middle + half <= corners[1]).all()
+        if number not in {0, len(points) - 1}:  # these two stand there whatever they cover
+            assert not (np.abs(np.clip(points, -45, 45) - middle) < half).all(axis=1).any()
+            assert not any((np.abs(middle - at) < half + other).all() for at, other in boxes)
+        boxes.append((middle, half))
+
+
+def test_without_time_stamps_nothing_is_said_of_missing_samples(trial):
+    unmeasured = replace(trial, series=replace(trial.series, times_measured=False))
+    assert make_figure(unmeasured, "link") is None
+    assert "no time stamps" in methods_text(unmeasured)
+    assert "no time stamps" not in methods_text(trial)
+
+
 def test_characters_without_a_glyph_become_visible_marks():
     assert look.drawable("θ̄ ° ok") == "θ̄ ° ok"
     assert look.drawable("\x1b[31m漢") == "\ufffd[31m\ufffd"
+
+
+@pytest.mark.parametrize("text", ["t42--cube-60-x-60--pitch--01", "-", "a" * 80, "/x/" * 30, "two words of-it", ""])
+def test_no_line_is_wider_than_its_room_and_nothing_is_lost(text):
+    lines = look.wrapped(text, 0.6, 7.0)
+    assert all(look.text_width_in(line, 7.0) <= 0.6 for line in lines)
+    assert "".join(lines).replace(" ", "") == text.replace(" ", "")
+
+
+def test_an_id_is_broken_after_a_hyphen():
+    assert look.wrapped("t42--cube--pitch--01", 0.8, 7.0) == ["t42--cube--", "pitch--01"]
