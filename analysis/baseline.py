@@ -48,7 +48,7 @@ class StaticBaseline:
     rate_deg_per_min: tuple[float, float, float]
     """Heading drift about each world axis."""
     rate_error_deg_per_min: tuple[float, float, float]
-    """Its standard error."""
+    """Its standard error: from the noise, and from the random walk where the rest was long enough to tell it."""
     noise_deg: float
     """Noise of one sample, root mean square."""
     walk_deg_per_sqrt_s: float
@@ -112,12 +112,15 @@ def measure_baseline(series: OrientationSeries, temperatures_c: Sequence[float] 
     known = [float(t) for t in temperatures_c if math.isfinite(t)]
     notes = []
     if series.duration_s < ADVISED_DURATION_S:
-        notes.append(f"only {series.duration_s:.0f} s at rest; {ADVISED_DURATION_S:.0f} s or more make it firmer")
+        notes.append(
+            f"only {series.duration_s:.0f} s at rest, too short to tell a random walk, which would make the error of the "
+            f"rate larger; {ADVISED_DURATION_S:.0f} s or more make it firmer"
+        )
     if len(series.gaps()):
         notes.append(f"{len(series.gaps())} gaps in the recording")
     return StaticBaseline(
         rate_deg_per_min=_triple(creep.rate_deg_per_min),
-        rate_error_deg_per_min=_triple(creep.rate_error_deg_per_min),
+        rate_error_deg_per_min=_triple(np.hypot(creep.rate_error_deg_per_min, _walk_error(walk, series.duration_s))),
         noise_deg=creep.noise_deg,
         walk_deg_per_sqrt_s=walk,
         duration_s=series.duration_s,
@@ -163,6 +166,11 @@ def baseline_from_holds(holds: Sequence[StillHold]) -> StaticBaseline | None:
         source=f"rests inside the trial ({said})",
         notes=("in the hand at rest: an upper bound, the object may creep as well",),
     )
+
+
+def _walk_error(walk_deg_per_sqrt_s: float, duration_s: float) -> float:
+    """Standard error per axis that a random walk gives a fitted line: variance 6 N²/(5 T) for N along that axis."""
+    return float(np.sqrt(6.0 / 5.0 / duration_s) * walk_deg_per_sqrt_s / np.sqrt(3.0) * 60.0)
 
 
 def _triple(values: FloatArray) -> tuple[float, float, float]:

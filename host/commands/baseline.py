@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         baseline = measure_baseline(series, temperatures_c)
     except BaselineError as error:
-        raise HostError(str(error), "leave the object alone for longer and measure again") from error
+        raise HostError(str(error)) from error
     if args.json:
         import dataclasses
         import json

@@ -73,6 +73,13 @@ def test_the_rate_error_is_that_of_repeated_rests():
     np.testing.assert_allclose(claimed, spread, rtol=0.35)
 
 
+def test_a_random_walk_counts_in_the_rate_error():
+    measured = [measure_baseline(resting(90.0, walk=0.05, rate_hz=20.0, seed=seed)) for seed in range(60)]
+    spread = np.sqrt(np.mean(np.var([baseline.rate_deg_per_min for baseline in measured], axis=0)))
+    claimed = np.sqrt(np.mean(np.square([baseline.rate_error_deg_per_min for baseline in measured])))
+    assert claimed == pytest.approx(spread, rel=0.25)
+
+
 def test_an_hour_of_strong_drift_does_not_fold_back():
     baseline = measure_baseline(resting(3600.0, rate=(0.0, 0.0, 12.0), rate_hz=10.0))  # 720 degrees
     np.testing.assert_allclose(baseline.rate_deg_per_min, [0, 0, 12.0], atol=0.01)
