@@ -113,8 +113,8 @@ def measure_baseline(series: OrientationSeries, temperatures_c: Sequence[float] 
     notes = []
     if series.duration_s < ADVISED_DURATION_S:
         notes.append(
-            f"only {series.duration_s:.0f} s at rest, too short to tell a random walk, which would make the error of the "
-            f"rate larger; {ADVISED_DURATION_S:.0f} s or more make it firmer"
+            f"only {series.duration_s:.0f} s at rest: too short to tell a random walk, which would make the rate's "
+            f"error larger; {ADVISED_DURATION_S:.0f} s or more make it firmer"
         )
     if len(series.gaps()):
         notes.append(f"{len(series.gaps())} gaps in the recording")
@@ -169,7 +169,7 @@ def baseline_from_holds(holds: Sequence[StillHold]) -> StaticBaseline | None:
 
 
 def _walk_error(walk_deg_per_sqrt_s: float, duration_s: float) -> float:
-    """Standard error per axis that a random walk gives a fitted line: variance 6 N²/(5 T) for N along that axis."""
+    """Give the standard error per axis of a line fitted to a random walk: variance 6 N²/(5 T) for N along that axis."""
     return float(np.sqrt(6.0 / 5.0 / duration_s) * walk_deg_per_sqrt_s / np.sqrt(3.0) * 60.0)
 
 

@@ -64,8 +64,11 @@ def render_batch(rows: Sequence[BatchRow], width: int = UNBOUND) -> RenderableTy
 def _cells(result: dict[str, Any]) -> dict[str, Text | str]:
     interval = result.get("interval_deg")
     other = (result.get("other_extreme") or {}).get("theta_bar_deg")
+    theta = Text(f"{result['theta_bar_deg']:.3f}°", style="bold")
+    if (result.get("sensor") or {}).get("below_floor"):
+        theta = Text("below floor ", style="yellow") + theta
     return {
-        "θ̄": Text(f"{result['theta_bar_deg']:.3f}°", style="bold"),
+        "θ̄": theta,
         "95 % interval": "–" if interval is None else f"{interval[0]:.3f}° to {interval[1]:.3f}°",
         "cycles": str(result["n_endpoints"] - 1),
         "period": f"{result['period_s']:.2f} s",

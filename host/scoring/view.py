@@ -47,6 +47,8 @@ def _headline(score: TrialScore) -> Text:
     if score.interval_deg is not None:
         low, high = score.interval_deg
         line.append(f"   95 % interval {low:.3f}° to {high:.3f}°", style="")
+    if score.sensor is not None and score.sensor.below_floor:
+        line.append("\nbelow the sensor's floor: it cannot be told from no drift at all", style="bold yellow")
     return line
 
 
@@ -166,7 +168,7 @@ def _cycles(score: TrialScore) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", pad_edge=False)
     for name in ("cycle", score.index_kind, "time", "period", "step"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("", overflow="ellipsis", no_wrap=True)
+    table.add_column("", overflow="fold", min_width=12)  # the one column that may fold: numbers stay whole
     times_s = np.array([point.time_s for point in score.endpoints])
     steps_deg = None if score.drift is None else score.drift.steps_deg
     shown = range(len(times_s))

@@ -11,6 +11,8 @@ import pytest
 from rich.cells import cell_len
 from rich.console import Console
 
+from analysis.baseline import StaticBaseline
+from analysis.endpoint_choice import EndpointChoice
 from analysis.scoring import score_series
 from analysis.series import OrientationSeries
 from host.scoring.batch import BatchRow
@@ -69,6 +71,27 @@ def test_every_companion_is_shown(score):
         "a note",
     ):
         assert part in text, part
+
+
+def test_numbers_stay_whole_beside_a_long_reason():
+    why = "hand paused; the automatic one lay in the pause, which is at the other end of the plateau"
+    choice = EndpointChoice("row", (300.0, 700.0, 1100.0, 1500.0), ("", why, "", ""))
+    lines = shown(score_series(simulate(cycles=9, lead_s=1.0).series, endpoints=choice)).splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("start"))
+    assert lines[first + 1].split()[:6] == ["1", "700", "7.000", "s", "4.000", "s"]
+    folded = [line[lines[first - 1].index("step") + 6 :].strip() for line in lines[first + 1 : -2]]
+    assert "".join(folded).replace(" ", "") == why.replace(" ", "")
+
+
+def test_below_the_floor_stands_beside_the_number():
+    series = simulate(cycles=9, drift_deg=0.02).series
+    walk = StaticBaseline((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), 0.01, 0.0, 120.0, 12000)
+    score = score_series(series, baseline=walk)
+    assert shown(score).splitlines()[1] == "below the sensor's floor: it cannot be told from no drift at all"
+    assert "a resting object would score less in 95 of 100" in " ".join(shown(score, 400).split())
+    out = io.StringIO()
+    print_batch([BatchRow(Path("a.csv"), dict(score.to_json()), None, 0)], Console(file=out, width=80))
+    assert f"below floor {score.theta_bar_deg:.3f}°" in out.getvalue()
 
 
 def test_the_window_says_who_chose_it_and_what_was_left_out():
