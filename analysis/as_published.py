@@ -29,12 +29,16 @@ class PublishedDrift:
     """‖mean of the differences‖ of this motion alone: what the scripts meant to compute."""
     as_published_deg: float
     """The same with the rows that earlier motions left behind; equal to ``mended_deg`` where none did."""
-    stale_rows: int
-    """How many rows were left behind by earlier motions."""
-    preceding: int
-    """Earlier motions given. With none, ``as_published_deg`` holds only if no longer motion came before."""
+    stale_of: tuple[int, ...]
+    """How many rows each earlier motion left behind, in the order given. Without earlier motions, ``as_published_deg``
+    holds only if no longer one came before."""
     differences_deg: FloatArray
     """(n−1, 3) differences of azimuth, elevation, roll."""
+
+    @property
+    def stale_rows(self) -> int:
+        """How many rows were left behind by earlier motions."""
+        return sum(self.stale_of)
 
 
 def euler_differences_deg(quats_wxyz: npt.ArrayLike) -> FloatArray:
@@ -83,14 +87,14 @@ def published_drift(quats_wxyz: npt.ArrayLike, preceding: Sequence[npt.ArrayLike
         Fewer than 2 end points in any of them.
     """
     own = euler_differences_deg(quats_wxyz)
-    array = np.empty((0, 3))
-    for earlier in (*(euler_differences_deg(quats) for quats in preceding), own):
-        array = np.concatenate((earlier, array[len(earlier) :]))
+    array, owners = np.empty((0, 3)), np.empty(0, dtype=np.int64)
+    for number, rows in enumerate((*(euler_differences_deg(quats) for quats in preceding), own)):
+        array = np.concatenate((rows, array[len(rows) :]))
+        owners = np.concatenate((np.full(len(rows), number), owners[len(rows) :]))
     return PublishedDrift(
         n_steps=len(own),
         mended_deg=float(np.linalg.norm(own.mean(axis=0))),
         as_published_deg=float(np.linalg.norm(array.mean(axis=0))),
-        stale_rows=len(array) - len(own),
-        preceding=len(preceding),
+        stale_of=tuple(int(np.sum(owners == number)) for number in range(len(preceding))),
         differences_deg=own,
     )

@@ -176,6 +176,7 @@ def _published(score: TrialScore) -> dict[str, object]:
         "euler_drift_deg": published.mended_deg,
         "euler_drift_as_published_deg": published.as_published_deg,
         "stale_rows": published.stale_rows,
-        "preceding": published.preceding,
+        "stale_of": published.stale_of,
+        "preceding": len(published.stale_of),
         "n_steps": published.n_steps,
     }

@@ -14,9 +14,13 @@ from analysis.series import FloatArray, OrientationSeries
 
 JUMP_DEG = 25.0
 """A step between neighbouring samples is a jump from here on, if it also stands out tenfold."""
-GRAVITY_SHARE = 0.98
-"""|mean| over mean |.| of the world-frame acceleration: below this "up" wanders about."""
-MIN_TURN_FOR_GRAVITY_DEG = 15.0
+MAX_WANDER_DEG = 11.5
+"""Root mean square angle by which "up" may wander in the world frame: a hand accelerates what it moves."""
+MIN_WANDER_DEG = 3.0
+"""From here on a wandering counts if another reading of the same numbers would halve it."""
+MIN_TURN_FOR_GRAVITY_DEG = 5.0
+GRAVITY_RANGE_MPS2 = (5.0, 15.0)
+"""The usual acceleration of something held in a hand; outside it the numbers are in another unit or hold no gravity."""
 AXIS_MARGIN = 0.01
 """How much steadier the motion axis may be in the body than in the world before that is suspicious."""
 _SPEED_INTERVAL_S = 0.05
@@ -64,11 +68,14 @@ def _gravity(series: OrientationSeries) -> tuple[str, ...]:
     quats, forces = quats[sound], forces[sound]
     if len(quats) < 10:
         return ()
+    usual = float(np.median(np.linalg.norm(forces, axis=1)))
+    if not GRAVITY_RANGE_MPS2[0] <= usual <= GRAVITY_RANGE_MPS2[1]:
+        return (
+            f"the usual acceleration is {usual:.3g} m/s², gravity alone is 9.81: another unit, or gravity taken off? "
+            "The orientations could not be compared with it",
+        )
     if np.degrees(rotations.distance(quats, averages.average(quats)).max()) < MIN_TURN_FOR_GRAVITY_DEG:
         return ()  # too little turning to tell one reading from another
-    as_read = _steadiness(quats, forces)
-    if as_read >= GRAVITY_SHARE:
-        return ()
     readings = {
         "the other way round (world to body)": rotations.conjugate(quats),
         "with the scalar last": rotations.from_xyzw(quats),
@@ -76,17 +83,23 @@ def _gravity(series: OrientationSeries) -> tuple[str, ...]:
         "with the scalar last and the other way round": rotations.conjugate(rotations.from_xyzw(quats)),
         "with the scalar first and the other way round": rotations.conjugate(rotations.to_xyzw(quats)),
     }
-    best, steadiness = max(((name, _steadiness(q, forces)) for name, q in readings.items()), key=lambda pair: pair[1])
-    hint = f"; read {best} it would be {steadiness:.3f}" if steadiness > max(GRAVITY_SHARE, as_read) else ""
+    as_read = _wander_deg(quats, forces)
+    best, least = min(((name, _wander_deg(q, forces)) for name, q in readings.items()), key=lambda pair: pair[1])
+    better = as_read > MIN_WANDER_DEG and least < 0.5 * as_read
+    if as_read <= MAX_WANDER_DEG and not better:
+        return ()
+    hint = f"; read {best} it would be {least:.1f} deg" if better else ""
     return (
-        f"gravity wanders in the world frame (steadiness {as_read:.3f}, 1 is perfect){hint}: check the order of the "
+        f"gravity wanders by {as_read:.1f} deg (root mean square) in the world frame{hint}: check the order of the "
         "components and the direction of the rotation",
     )
 
 
-def _steadiness(quats: FloatArray, forces: FloatArray) -> float:
+def _wander_deg(quats: FloatArray, forces: FloatArray) -> float:
+    """Root mean square angle of the forces from their mean in the world frame, for small angles."""
     in_world = rotations.rotate(quats, forces)
-    return float(np.linalg.norm(in_world.mean(axis=0)) / np.linalg.norm(in_world, axis=1).mean())
+    steadiness = float(np.linalg.norm(in_world.mean(axis=0)) / np.linalg.norm(in_world, axis=1).mean())
+    return float(np.degrees(np.sqrt(2.0 * max(1.0 - steadiness, 0.0))))
 
 
 def _axis_of_motion(series: OrientationSeries) -> tuple[str, ...]:
@@ -101,7 +114,7 @@ def _axis_of_motion(series: OrientationSeries) -> tuple[str, ...]:
         return ()
     return (
         f"the axis of motion is steadier in the object ({body:.3f}) than in the world ({world:.3f}): are these "
-        "orientations world to body, or the components in another order?",
+        "orientations world to body, the components in another order, or does the sensor's heading drift?",
     )
 
 

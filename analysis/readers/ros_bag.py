@@ -1,7 +1,8 @@
 """ROS 1 bags, ROS 2 bags (folders, MCAP or db3 storage) and single MCAP files; needs the extra ``rotdrift[ros]``.
 
 Message types: sensor_msgs/Imu, geometry_msgs/PoseStamped, QuaternionStamped and TransformStamped, nav_msgs/Odometry.
-ROS quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 145).
+ROS quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 145). An Imu without an orientation says so
+by −1 in the first element of its covariance.
 """
 
 from __future__ import annotations
@@ -41,6 +42,11 @@ _Pose = tuple[Any, Any | None, Any | None]  # quaternion, position, acceleration
 
 
 def _imu(message: Any) -> _Pose:  # noqa: ANN401  (generated classes of rosbags)
+    if message.orientation_covariance[0] == -1.0:
+        raise ReaderError(
+            "the sensor gives no orientation, as its orientation_covariance says; run an orientation filter, such as "
+            "imu_filter_madgwick, and record its topic"
+        )
     return message.orientation, None, message.linear_acceleration
 
 

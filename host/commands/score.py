@@ -70,9 +70,12 @@ def run(args: argparse.Namespace) -> int:
     FileError
         Not a file that can be scored; says where and why.
     """
+    from host.errors import UsageError
     from host.scoring.batch import expand
     from host.scoring.scored_recording import score_recording
 
+    if args.endpoints is not None and (args.start is not None or args.end is not None):
+        raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
     _check_plot(args.plot)
     files = expand(args.files)
     if len(files) > 1 or files != args.files:

@@ -144,10 +144,12 @@ def _window(score: TrialScore) -> str:
 def _published(published: PublishedDrift) -> str:
     text = f"{published.mended_deg:.4f}° by the authors' script, its array cleared; "
     if published.stale_rows:
+        left = ", ".join(f"{count} of motion {k}" for k, count in enumerate(published.stale_of, 1) if count)
         return (
-            text + f"{published.as_published_deg:.4f}° with {published.stale_rows} steps of earlier motions left in it"
+            text + f"{published.as_published_deg:.4f}° with {published.stale_rows} steps of earlier motions left in it "
+            f"({left} given with --preceding)"
         )
-    if published.preceding:
+    if published.stale_of:
         return text + "the same as published: no earlier motion had more cycles"
     return text + "the same as published, unless a longer motion came before (--preceding)"
 

@@ -2,11 +2,15 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from analysis.readers import read_series
+from analysis.readers.convention_check import convention_warnings
 from analysis.scoring import score_series
 
 FOLDER = Path(os.environ.get("ROTDRIFT_RECORDINGS", Path(__file__).parents[3] / "shared" / "recordings"))
@@ -88,6 +92,19 @@ def test_grasp_and_release_is_warned_of_and_not_claimed(tmp_path):
     score = score_series(read_series(unnamed))
     assert not score.valid
     assert any("grasp-and-release" in warning for warning in score.warnings)
+
+
+@pytest.mark.parametrize("name", [*NAMES, GRASP_AND_RELEASE])
+def test_with_gravity_a_misreading_is_warned_of_and_the_right_one_is_not(name):
+    series = read_series(path_of(name))
+    poses = Rotation.from_quat(series.quats_wxyz, scalar_first=True)
+    weighed = replace(series, accelerations_mps2=9.81 * poses.inv().apply([0.0, 0.0, 1.0]))
+    assert convention_warnings(weighed) == ()
+    w, x, y, z = series.quats_wxyz.T
+    # Scalar first read as scalar last, scalar last read as scalar first, and world to body.
+    for wrong in ((z, w, x, y), (x, y, z, w), (w, -x, -y, -z)):
+        misread = replace(weighed, quats_wxyz=np.stack(wrong, axis=1))
+        assert any("gravity wanders" in text for text in convention_warnings(misread))
 
 
 def test_readers_say_what_they_assumed():

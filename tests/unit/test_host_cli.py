@@ -248,6 +248,7 @@ def test_the_window_of_a_score_can_be_given(run, tmp_path):
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["n_endpoints"] == 5
     assert "holds nothing" in one_sentence(run("score", "trial.mcap", "--from", "900", "--to", "901"), 2)
+    assert "give one of them" in one_sentence(run("score", "trial.mcap", "--to", "9", "--endpoints", "1,2,3,4"), 2)
 
 
 @pytest.mark.parametrize("command", ["score", "replay", "convert", "report", "compare"])

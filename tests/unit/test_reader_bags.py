@@ -20,7 +20,7 @@ KINDS = [
 ]
 
 
-def message(types, kind, k, time_s, quat, position, ros1, stamped=True, frame="world"):
+def message(types, kind, k, time_s, quat, position, ros1, stamped=True, frame="world", covariance=0.0):
     sec, nanosec = divmod(round(time_s * 1e9), 10**9) if stamped else (0, 0)
     stamp = types["builtin_interfaces/msg/Time"](sec, nanosec)
     header = types["std_msgs/msg/Header"](*([k] if ros1 else []), stamp, frame)
@@ -30,7 +30,7 @@ def message(types, kind, k, time_s, quat, position, ros1, stamped=True, frame="w
     nine, thirty_six = np.zeros(9), np.zeros(36)
     pose = types["geometry_msgs/msg/Pose"](point, q)
     if kind.endswith("Imu"):
-        return types[kind](header, q, nine, vector, nine, vector, nine)
+        return types[kind](header, q, np.full(9, covariance), vector, nine, vector, nine)
     if kind.endswith("PoseStamped"):
         return types[kind](header, pose)
     if kind.endswith("QuaternionStamped"):
@@ -113,6 +113,12 @@ def test_headers_without_time_fall_back_on_reception(tmp_path):
     series = read_series(tmp_path / "trial")
     np.testing.assert_allclose(series.times_s, times + 0.005, atol=1e-6)
     assert any("times of reception" in note for note in series.notes)
+
+
+def test_an_imu_that_gives_no_orientation_is_refused(tmp_path):
+    write(tmp_path / "trial", [KINDS[0]], covariance=-1.0)
+    with pytest.raises(ReaderError, match="the sensor gives no orientation, as its orientation_covariance says"):
+        read_series(tmp_path / "trial")
 
 
 def test_a_bag_without_orientations(tmp_path):

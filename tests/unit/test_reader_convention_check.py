@@ -1,6 +1,7 @@
 """Data that contradict the declared convention are warned of; data that agree are not."""
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from analysis.readers.convention_check import convention_warnings
@@ -26,17 +27,31 @@ def test_sound_data_are_silent():
 def test_gravity_shows_the_other_way_round():
     (warning, *_) = convention_warnings(series(POSES.inv().as_quat(scalar_first=True), UP))
     assert "gravity wanders" in warning
-    assert "the other way round (world to body) it would be 1.000" in warning
+    assert "read the other way round (world to body) it would be 0." in warning
 
 
 def test_gravity_shows_the_order_of_components():
     warnings = convention_warnings(series(POSES.as_quat(), UP))  # scalar last, read as scalar first
-    assert "read with the scalar last it would be 1.000" in warnings[0]
+    assert "read with the scalar last it would be 0." in warnings[0]
+
+
+def test_a_swing_of_a_few_degrees_is_enough_to_see_it():
+    small = Rotation.from_rotvec(SWING * 0.2) * Rotation.from_rotvec([0.5, 0.2, -0.9])  # 7 degrees to each side
+    up = 9.81 * small.inv().apply([1.0, 0.0, 0.0]) + np.random.default_rng(3).normal(scale=0.1, size=(N, 3))
+    assert convention_warnings(series(small.as_quat(scalar_first=True), up)) == ()
+    for wrong in (small.inv().as_quat(scalar_first=True), small.as_quat()):
+        assert "gravity wanders" in convention_warnings(series(wrong, up))[0]
+
+
+@pytest.mark.parametrize("scale", [1.0 / 9.81, 0.02, 100.0])
+def test_accelerations_in_another_unit_or_without_gravity_are_said(scale):
+    (warning,) = convention_warnings(series(POSES.as_quat(scalar_first=True), scale * UP))
+    assert "another unit, or gravity taken off" in warning
 
 
 def test_gravity_is_not_judged_without_turning():
     still = np.tile(POSES[0].as_quat(scalar_first=True), (N, 1))
-    assert convention_warnings(series(still, np.random.default_rng(2).normal(size=(N, 3)))) == ()
+    assert convention_warnings(series(still, np.random.default_rng(2).normal(scale=5.0, size=(N, 3)))) == ()
 
 
 def test_axis_of_motion_shows_the_other_way_round():

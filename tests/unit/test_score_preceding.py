@@ -48,12 +48,13 @@ def test_steps_of_a_longer_motion_are_left_behind(files, capsys):
     assert published["euler_drift_deg"] == pytest.approx(expected(SHORT))
     assert published["euler_drift_as_published_deg"] == pytest.approx(expected(LONG, SHORT))
     assert published["stale_rows"] == len(LONG) - len(SHORT)
+    assert published["stale_of"] == [3]
     assert published["preceding"] == 1
 
     assert score(files, "--preceding", before) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert f"{expected(SHORT):.4f}° by the authors' script, its array cleared" in shown
-    assert f"{expected(LONG, SHORT):.4f}° with 3 steps of earlier motions" in shown
+    assert f"{expected(LONG, SHORT):.4f}° with 3 steps of earlier motions left in it (3 of motion 1 given" in shown
 
 
 def test_several_in_their_order_and_end_points_from_a_file(files, capsys):

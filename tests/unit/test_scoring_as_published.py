@@ -31,7 +31,7 @@ def test_a_shorter_motion_is_averaged_with_leftovers_of_the_longer():
     assert drift.as_published_deg == pytest.approx(np.linalg.norm([6.0, 3.0, 1.0]) / 4)
     assert drift.mended_deg == pytest.approx(np.hypot(1.5, 0.5))
     assert drift.stale_rows == 2
-    assert drift.preceding == 1
+    assert drift.stale_of == (2,)
 
 
 def test_a_longer_motion_leaves_nothing_of_the_shorter():
@@ -45,6 +45,14 @@ def test_leftovers_outlive_motions_between():
     drift = published_drift(end_points(SHORT), [end_points(LONG), middle])
     assert drift.stale_rows == 2
     assert drift.as_published_deg == pytest.approx(np.linalg.norm([6.0, 3.0, 1.0]) / 4)
+
+
+def test_it_is_said_whose_rows_were_left_behind():
+    longest = end_points([*LONG, [9.0, 2.0, 0], [9.0, 4.0, 0]])
+    drift = published_drift(end_points(SHORT), [longest, end_points(LONG), end_points(SHORT)])
+    assert drift.stale_of == (2, 2, 0)  # rows 5 and 6 of the longest, 3 and 4 of the next
+    assert drift.stale_rows == 4
+    assert drift.as_published_deg == pytest.approx(np.linalg.norm([6.0, 6.0, 1.0]) / 6)
 
 
 def test_wraps_are_kept_because_the_scripts_keep_them():
