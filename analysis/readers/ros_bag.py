@@ -1,8 +1,8 @@
 """ROS 1 bags, ROS 2 bags (folders, MCAP or db3 storage) and single MCAP files; needs the extra ``rotdrift[ros]``.
 
 Message types: sensor_msgs/Imu, geometry_msgs/PoseStamped, QuaternionStamped and TransformStamped, nav_msgs/Odometry.
-ROS quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 145). An Imu without an orientation says so
-by −1 in the first element of its covariance.
+ROS quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 145). An Imu without an orientation says
+so by −1 in the first element of its covariance.
 """
 
 from __future__ import annotations
