@@ -57,6 +57,8 @@ class CaptureSettings:
     """End when the confidence interval of θ̄ is so narrow: half its width, deg."""
     guide: GuideSettings | None = None
     """Lead through the trial step by step; None for no guide."""
+    read_pause_s: float = 0.0
+    """Rest of a live link's reading thread, for other links; see :class:`host.reader.ReaderThread`."""
     linger_periods: float = 0.35
     """How long to go on after the last cycle: the offline search wants to see the way back from it."""
 
@@ -120,7 +122,7 @@ class Capture:
         self._settings = settings
         self._stop = stop
         self._now_ns = now_ns
-        self._reader = ReaderThread(transport)
+        self._reader = ReaderThread(transport, pause_s=settings.read_pause_s if transport.is_live else 0.0)
         self._session = (
             Session(settings.session, transport.name, now_ns(), transport.encode_command) if transport.is_live else None
         )

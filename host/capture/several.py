@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import defaultdict, deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,10 @@ from host.scoring.result import ScoreOptions
 from host.screen.keys import ScreenAction
 from host.screen.screens import Screen
 from host.trial_state import CycleRow, TrialState
+
+PAUSE_S = 0.001
+"""For every other object, a link rests so long after a read on which more followed: all of them together are then read
+some two thousand times a second, however fast they send."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +123,7 @@ def capture_several(
     list of ObjectOutcome
         In the order of the links.
     """
+    settings = replace(settings, read_pause_s=PAUSE_S * (len(links) - 1))
     shared = _SharedScreen(screen, stop)
     outcomes: dict[int, ObjectOutcome] = {}
 

@@ -16,12 +16,9 @@ import json
 import math
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
-import numpy.typing as npt
 
 from firmware_protocol.packets import Event, Info, Status
 from host.plain_text import plain
@@ -236,14 +233,14 @@ def decode_raw(message: bytes, topic: str = RECEIVED) -> AnyChunk:
     return FrameChunk(data, host_time_ns) if kind == FRAMES_KIND else Chunk(data, host_time_ns)
 
 
-def encode_quaternion(stamp_ns: int, q_wxyz: npt.NDArray[np.float64]) -> bytes:
+def encode_quaternion(stamp_ns: int, q_wxyz: Sequence[float]) -> bytes:
     """Make the CDR bytes of a ``geometry_msgs/msg/QuaternionStamped``.
 
     Parameters
     ----------
     stamp_ns : int
         Wall clock, ns since 1970.
-    q_wxyz : (4,)
+    q_wxyz : four floats
         Unit quaternion, scalar first, body to world; ROS stores x, y, z, w.
     """
     seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)

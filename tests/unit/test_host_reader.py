@@ -6,7 +6,7 @@ import pytest
 
 from host.errors import LinkLostError
 from host.reader import ReaderThread
-from host.transports.chunks import Chunk
+from host.transports.chunks import Chunk, FrameChunk
 from host.transports.memory import MemoryTransport
 
 
@@ -80,3 +80,33 @@ def test_it_stops_soon_even_while_nobody_takes(waiting):
     started = time.monotonic()
     assert reader.stop()
     assert time.monotonic() - started < 2.0  # it waits 0.05 s; the rest is for a busy machine
+
+
+def test_with_a_pause_what_follows_is_joined_and_has_the_time_of_the_last():
+    link = MemoryTransport([Chunk(bytes([i]), 1000 + i) for i in range(51)])
+    reader = ReaderThread(link, pause_s=0.001)
+    reader.start()
+    chunks = collect(reader, lambda got: sum(map(len, got)) == 51)
+    assert b"".join(chunk.data for chunk in chunks) == bytes(range(51))
+    assert [chunk.host_time_ns for chunk in chunks] == [*range(1001, 1050, 2), 1050]
+    assert reader.stop()
+
+
+def test_with_a_pause_a_lone_chunk_and_one_before_a_cut_keep_their_own_times():
+    reopened = Chunk(b"", 3)
+    link = MemoryTransport([Chunk(b"a", 1), Chunk(b"b", 2), Chunk(b"c", 3), reopened, Chunk(b"d", 4)])
+    link.fail(LinkLostError("the cable is out"))
+    reader = ReaderThread(link, pause_s=0.001)
+    reader.start()
+    chunks = collect(reader, lambda _: reader.ended)
+    assert chunks == [Chunk(b"ab", 2), Chunk(b"c", 3), reopened, Chunk(b"d", 4)]
+    assert isinstance(reader.error, LinkLostError)
+    assert reader.stop()
+
+
+def test_frames_are_not_held_back_by_a_pause():
+    sent = [FrameChunk(b"x", i) for i in range(5)]
+    reader = ReaderThread(MemoryTransport(sent), pause_s=0.001)
+    reader.start()
+    assert collect(reader, lambda got: len(got) == 5) == sent
+    assert reader.stop()
