@@ -12,12 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from analysis import rotations
-from analysis.series import FloatArray, OrientationSeries
+from analysis.series import FloatArray
+from analysis.usable_samples import Samples
 
 BoolArray = npt.NDArray[np.bool_]
-
-MIN_STEP_S = 1e-4
-"""Samples closer than this to the one before are double deliveries of the same moment, s."""
 
 _BLOCK = 32768  # grid points worked on at once: bounds the scratch memory whatever the length
 _SPEED_SIGMA_S = 0.5
@@ -91,23 +89,15 @@ class Motion:
         return (int(moving[0]), int(moving[-1]) + 1) if len(moving) else (0, 0)
 
 
-def usable_rows(times_s: FloatArray) -> BoolArray | slice:
-    """Rows to work with: all, or all but double deliveries closer than ``MIN_STEP_S`` to their predecessor."""
-    keep = np.concatenate(([True], np.diff(times_s) >= MIN_STEP_S))
-    return slice(None) if keep.all() else keep
-
-
-def angular_velocity(
-    series: OrientationSeries, *, rate_hz: float, sigma_s: float, moving_share: float
-) -> Motion | None:
+def angular_velocity(samples: Samples, *, rate_hz: float, sigma_s: float, moving_share: float) -> Motion | None:
     """Resample to an even grid, smooth with a Gaussian, and differentiate.
 
     ω_k = log(q_{k+1} ⊗ q_k⁻¹) · rate.
 
     Parameters
     ----------
-    series
-        n samples, evenly spaced or not.
+    samples
+        Evenly spaced or not.
     rate_hz
         Grid points per second.
     sigma_s
@@ -117,10 +107,9 @@ def angular_velocity(
 
     Returns
     -------
-    None where the series is too short to say anything (under 10 samples or under 4 σ).
+    None where the recording is too short to say anything (under 10 samples or under 4 σ).
     """
-    rows = usable_rows(series.times_s)
-    times_s, quats = series.times_s[rows], series.quats_wxyz[rows]
+    times_s, quats = samples.times_s, samples.quats_wxyz
     if len(times_s) < 10 or times_s[-1] - times_s[0] < 4.0 * sigma_s:
         return None
     count = int((times_s[-1] - times_s[0]) * rate_hz) + 1

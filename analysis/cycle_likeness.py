@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis import rotations
 from analysis.angular_velocity import Motion
 from analysis.series import FloatArray
 
 _PHASES = 48
 _MAX_CYCLES = 2000
-_MAX_TRIPLES = 100_000
 
 
 def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
@@ -85,23 +83,3 @@ def rests(motion: Motion, period_s: float) -> tuple[float, float]:
     length_s = length_s[length_s > 0.03 * period_s]
     total_s = len(speed) / motion.rate_hz
     return len(length_s) * period_s / total_s, float(length_s.sum()) / total_s
-
-
-def sample_noise_rad(quats_wxyz: FloatArray) -> float:
-    """Noise of single samples about each axis, from how far each lies off the middle of its neighbours.
-
-    For independent noise σ per axis that distance has the median 1.884 σ: √1.5 times the median length of a
-    three-dimensional normal vector.
-
-    Parameters
-    ----------
-    quats_wxyz
-        (n, 4) unit, n ≥ 3; evenly picked triples where there are very many.
-
-    Returns
-    -------
-    σ, rad, never below what the curvature of the motion makes of it.
-    """
-    middle = np.arange(1, len(quats_wxyz) - 1, max(len(quats_wxyz) // _MAX_TRIPLES, 1))
-    between = rotations.slerp(quats_wxyz[middle - 1], quats_wxyz[middle + 1], np.full(len(middle), 0.5))
-    return float(np.median(rotations.distance(quats_wxyz[middle], between))) / 1.884

@@ -9,9 +9,9 @@ import numpy as np
 from analysis.angular_velocity import Motion
 from analysis.cycle_analysis import CycleAnalysis, CycleSettings
 from analysis.cycle_likeness import irregularity, likeness, rests
-from analysis.endpoints import Samples
 from analysis.motion_axis import AxisAngle
 from analysis.period import Period
+from analysis.usable_samples import Samples
 
 _ONE_WAY = 1.0 / 3.0  # net turn as a share of all turning
 
@@ -68,6 +68,8 @@ def with_verdict(
     noise_deg = float(np.degrees(samples.noise_rad))
     if noise_deg > result.settings.max_noise * result.swing_deg:
         warnings.append(f"noise of {noise_deg:.2g}° per sample is large for a swing of {result.swing_deg:.3g}°")
+    if samples.outliers:
+        warnings.append(f"{samples.outliers} samples stand apart from both their neighbours: set aside")
     if samples.usual_step_s > result.settings.max_gap * result.period_s:
         warnings.append(f"sampled coarsely: {result.period_s / samples.usual_step_s:.0f} samples per cycle")
     return replace(result, valid=not reasons, reasons=tuple(reasons), warnings=tuple(warnings))

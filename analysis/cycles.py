@@ -18,12 +18,13 @@ from analysis.angular_velocity import Motion, angular_velocity
 from analysis.cycle_analysis import CycleAnalysis, CycleSettings, Endpoint, LeftOut, Run
 from analysis.cycle_template import axis_speeds, locked_cycles, template_turning_points
 from analysis.cycle_verdict import why_no_period, with_verdict
-from analysis.endpoints import Extremes, Samples, gate_ends, measure, split_runs, with_flags
+from analysis.endpoints import Extremes, gate_ends, measure, split_runs, with_flags
 from analysis.motion_axis import AxisAngle, motion_axis
 from analysis.period import Period
 from analysis.period_search import search_period
 from analysis.series import FloatArray, OrientationSeries
 from analysis.turning_points import NONE_FOUND, TurningPoints, turning_points, without_short_pairs
+from analysis.usable_samples import Samples
 
 __all__ = ["CycleAnalysis", "CycleSettings", "Endpoint", "LeftOut", "Run", "find_cycles"]
 
@@ -65,12 +66,12 @@ def find_cycles(
     Never raises for a poor recording: ``valid`` is False and ``reasons`` say why.
     """
     nothing = CycleAnalysis(valid=False, reasons=(), warnings=(), settings=settings, window=window)
+    samples = Samples.of(series)
     motion = angular_velocity(
-        series, rate_hz=settings.rate_hz, sigma_s=settings.sigma_s, moving_share=settings.moving_share
+        samples, rate_hz=settings.rate_hz, sigma_s=settings.sigma_s, moving_share=settings.moving_share
     )
     if motion is None:
         return replace(nothing, reasons=(f"too short: {len(series)} samples",))
-    samples = Samples.of(series)
     result = _find(nothing, motion, samples)
     if not result.valid:
         # Putting the object in place or dropping it may turn it further than all cycles, which then looked idle.

@@ -7,90 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis import averages, rotations
-from analysis.angular_velocity import BoolArray, usable_rows
+from analysis import rotations
+from analysis.angular_velocity import BoolArray
 from analysis.cycle_analysis import CycleSettings, Endpoint, LeftOut
-from analysis.cycle_likeness import sample_noise_rad
-from analysis.series import FloatArray, IntArray, OrientationSeries
+from analysis.series import FloatArray
 from analysis.turning_points import TurningPoints, dwell, swings
-
-_GROUP = 256  # end points averaged together
-
-
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Usable samples of a recording: what end points are measured from."""
-
-    times_s: FloatArray
-    """(n,) strictly increasing, s."""
-    quats_wxyz: FloatArray
-    """(n, 4) unit, scalar first."""
-    index: IntArray
-    """(n,) names of the samples in their source."""
-    usual_step_s: float
-    """Median distance between samples, s."""
-    noise_rad: float
-    """Noise of a single sample about each axis, rad."""
-
-    @staticmethod
-    def of(series: OrientationSeries) -> Samples:
-        """Take the usable samples of a recording; at least three."""
-        rows = usable_rows(series.times_s)
-        times_s, quats = series.times_s[rows], series.quats_wxyz[rows]
-        step_s = float(np.median(np.diff(times_s)))
-        return Samples(times_s, quats, series.index[rows], step_s, sample_noise_rad(quats))
-
-    def bracket_s(self, time_s: float) -> float:
-        """Distance between the samples around a moment, s; infinite outside the data."""
-        right = int(np.searchsorted(self.times_s, time_s))
-        if right == 0 or right == len(self.times_s):
-            return 0.0 if time_s in (self.times_s[0], self.times_s[-1]) else float("inf")
-        return float(self.times_s[right] - self.times_s[right - 1])
-
-    def longest_step_s(self, start_s: float, end_s: float) -> float:
-        """Longest distance between neighbouring samples in a stretch, s."""
-        first = max(int(np.searchsorted(self.times_s, start_s)) - 1, 0)
-        last = int(np.searchsorted(self.times_s, end_s)) + 1
-        steps = np.diff(self.times_s[first:last])
-        return float(steps.max()) if len(steps) else float("inf")
-
-    def nearest(self, time_s: float) -> int:
-        """Name of the sample nearest to a moment."""
-        right = int(np.clip(np.searchsorted(self.times_s, time_s), 1, len(self.times_s) - 1))
-        nearer_left = time_s - self.times_s[right - 1] <= self.times_s[right] - time_s
-        return int(self.index[right - 1 if nearer_left else right])
-
-    def orientations(self, moments_s: FloatArray, reach_s: float) -> FloatArray:
-        """(k, 4) average of the samples around each of k moments, weights falling linearly to 0 at ``reach_s``.
-
-        At least the three nearest samples are used. Each stands for the time around it, so that the average is one
-        over time and lost samples do not pull it to one side. The weights fall to 0, so that a moment that shifts by a
-        rounding error never takes in or loses a whole sample.
-        """
-        times_s, n = self.times_s, len(self.times_s)
-        near = np.searchsorted(times_s, moments_s)[:, None] + np.arange(-3, 3)
-        away = np.abs(times_s[np.clip(near, 0, n - 1)] - moments_s[:, None])
-        away[(near < 0) | (near >= n)] = np.inf
-        fourth = np.sort(away, axis=1)[:, min(3, n - 1)]
-        furthest = np.where(np.isfinite(away), away, 0.0).max(axis=1)  # where there are fewer than four
-        reach = np.maximum(reach_s, np.where(np.isfinite(fourth), fourth, furthest))
-        first = np.searchsorted(times_s, moments_s - reach)
-        last = np.maximum(np.searchsorted(times_s, moments_s + reach), first + 1)
-        found = np.empty((len(moments_s), 4))
-        # Groups of alike size together: one between lost samples must not make all others as long.
-        order = np.argsort(last - first, kind="stable")
-        at = 0
-        while at < len(order):
-            group = order[at : at + _GROUP]
-            at += len(group)
-            rows = first[group, None] + np.arange(int((last - first)[group].max()))
-            inside = rows < last[group, None]
-            rows = np.minimum(rows, n - 1)
-            right, left = np.minimum(rows + 1, n - 1), np.maximum(rows - 1, 0)
-            own = (times_s[right] - times_s[left]) / (right - left)
-            weights = np.maximum(1.0 - np.abs(times_s[rows] - moments_s[group, None]) / reach[group, None], 0.0)
-            found[group] = averages.average_each(self.quats_wxyz[rows], np.where(inside, weights * own, 0.0))
-        return found
+from analysis.usable_samples import Samples
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,9 @@ import numpy as np
 
 from analysis.series import FloatArray
 
+_MAX_ONE_WAY = 0.5
+"""Largest sum of the autocorrelation up to a period, share of that of its size: 0 there and back, 1 one way."""
+
 
 @dataclass(frozen=True)
 class Period:
@@ -66,7 +69,7 @@ def find_period(
 
     Returns
     -------
-    None where there is no peak above zero.
+    None where there is no peak above zero at which the motion has come back.
     """
     first = max(int(min_period_s * rate_hz), 1)
     last = min(int(max_period_s * rate_hz), len(omega) // 2)
@@ -75,9 +78,10 @@ def find_period(
     curve = vector_autocorrelation(omega, last)
     middle = curve[1:-1]
     peaks = 1 + np.flatnonzero((middle > curve[:-2]) & (middle >= curve[2:]) & (middle > 0.0))
-    # A steady turn has a curve near 1 everywhere, and ripples on it are no peaks: a period has a valley before it.
-    valley = np.minimum.accumulate(curve)
-    peaks = peaks[(peaks >= first) & (curve[peaks] - valley[peaks] > 0.1)]
+    # Over a cycle that comes back ω sums to nearly nothing, and so does its autocorrelation. Over one of many strokes
+    # in the same direction, a stick-slip or a finger's push, it is above zero throughout.
+    net, gross = np.cumsum(curve), np.cumsum(np.abs(curve))
+    peaks = peaks[(peaks >= first) & (net[peaks] < _MAX_ONE_WAY * gross[peaks])]
     if len(peaks) == 0:
         return None
     peak = int(peaks[np.argmax(curve[peaks] >= peak_share * curve[peaks].max())])

@@ -6,8 +6,8 @@ import numpy as np
 
 from analysis.angular_velocity import Motion
 from analysis.cycle_analysis import CycleSettings
-from analysis.endpoints import Samples
 from analysis.period import Period, find_period
+from analysis.usable_samples import Samples
 
 _ROUNDS = 3
 

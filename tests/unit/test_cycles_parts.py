@@ -8,19 +8,20 @@ from scipy.spatial.transform import Rotation
 
 from analysis.angular_velocity import Motion, angular_velocity
 from analysis.cycle_analysis import Endpoint
-from analysis.cycle_likeness import irregularity, likeness, rests, sample_noise_rad
+from analysis.cycle_likeness import irregularity, likeness, rests
 from analysis.cycle_template import axis_speeds, locked_cycles, template_turning_points
-from analysis.endpoints import Samples, pose_jumps
+from analysis.endpoints import pose_jumps
 from analysis.motion_axis import motion_axis
 from analysis.online_humps import HumpFilter
 from analysis.period import find_period, vector_autocorrelation
 from analysis.series import OrientationSeries
 from analysis.turning_points import dwell, swings, turning_points, without_short_pairs
+from analysis.usable_samples import Samples, lone_outliers, sample_noise_rad
 from tests.simulated_motion import from_angular_velocity, from_rotation_vectors, simulate, trapezoid
 
 
 def velocity(series: OrientationSeries):
-    motion = angular_velocity(series, rate_hz=100.0, sigma_s=0.04, moving_share=0.15)
+    motion = angular_velocity(Samples.of(series), rate_hz=100.0, sigma_s=0.04, moving_share=0.15)
     assert motion is not None
     return motion
 
@@ -172,6 +173,18 @@ def test_pose_jumps_are_steps_far_beyond_the_others():
     quats = Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0]).as_quat(scalar_first=True)
     assert pose_jumps(quats).tolist() == [False, False, False, True, False, False]
     assert pose_jumps(quats[:3]).tolist() == [False, False]
+
+
+def test_lone_outliers_are_found_and_the_tip_of_a_stroke_is_none():
+    tip = 10.0 - 3.0 * np.abs(np.arange(101) - 50.0)  # deg: as fast as 75 deg/s at 25 Hz
+    step = np.where(np.arange(101) < 80, 0.0, 9.0)
+    angle = np.radians(tip + step)
+    angle[[20, 70]] += np.radians([20.0, -40.0])
+    quats = Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0]).as_quat(scalar_first=True)
+    assert lone_outliers(quats).tolist() == [20, 70]
+    assert lone_outliers(quats[:5]).tolist() == []
+    still = from_rotation_vectors(np.radians(1.0) * np.random.default_rng(0).normal(size=(20_000, 3)))
+    assert lone_outliers(still.quats_wxyz).tolist() == []
 
 
 def test_an_average_over_time_is_not_pulled_by_lost_samples():
