@@ -20,6 +20,7 @@ from analysis.online_cycles import OnlineCycleDetector
 from firmware_protocol.packets import Event, Info, OrientationBatch, OrientationFlag, Status
 from firmware_protocol.stream import StreamItem
 from host.clock.device_clock import ClockEstimate, DeviceClock
+from host.first_rest import FirstRest
 from host.link import Link
 from host.plain_text import plain
 from host.rate_meter import RateMeter
@@ -72,7 +73,7 @@ class Trial:
     target_half_width_deg : float, optional
         Half-width of the interval that the capture aims at.
     baseline : StaticBaseline, optional
-        Of the sensor, for its floor.
+        Of the sensor, for its floor; by default from the rest before the motion, if there is one.
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class Trial:
         self.score = RunningScore(target_half_width_deg)
         """End points so far, and the operator's edits."""
         self._baseline = baseline
+        self._rest: FirstRest | None = FirstRest() if baseline is None else None
         self._recent: deque[tuple[float, npt.NDArray[np.float64]]] = deque(maxlen=64)
         self._peak = (-np.inf, 0.0)  # when the object turned fastest of late, and how fast, deg/s
         self._saturated_s = -np.inf
@@ -240,6 +242,8 @@ class Trial:
         if withdrawn > self._withdrawn:
             self._withdrawn = withdrawn
             self.score.forget()
+        if found and self._rest is not None:
+            self._baseline, self._rest = self._rest.baseline(), None
         rows = []
         for endpoint in found:
             # Several found at once lie in one run: only the first can have a gap before it.
@@ -257,6 +261,8 @@ class Trial:
             if time_s - self._peak[0] > PEAK_S or rate_dps > self._peak[1]:
                 self._peak = (time_s, rate_dps)
         self._recent.append((time_s, quat))
+        if self._rest is not None:
+            self._rest.feed(time_s, quat)
 
     def _turn_rate_dps(self) -> float | None:
         """Mean turning rate over the last half second, deg/s."""

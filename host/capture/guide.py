@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from host.trial_state import GuideView, TrialState
@@ -58,23 +59,30 @@ class Guide:
         enough : bool
             Whether there are as many cycles, or as narrow an interval, as asked for.
         """
-        settings, rate = self.settings, state.motion.turn_rate_dps
+        rate = state.motion.turn_rate_dps
         rested_s = self._rested_s(state, rate)
-        hint, progress = "", 0.0
-        if self._step in {0, 3}:
-            progress = min(1.0, rested_s / settings.rest_s)
-            left_s = max(0.0, settings.rest_s - rested_s)
-            hint = "waiting for the object" if rate is None else f"{left_s:.0f} s more at rest"
-            if rate is not None and self._still_since_s is None:
-                hint = "it still moves"
-        elif self._step == 1:
-            hint = "the sensor is known; begin the rotation"
-        elif self._step == 2:
-            wanted = state.target_cycles or settings.cycles
-            hint = f"{state.n_cycles} cycles" if state.target_half_width_deg else f"{state.n_cycles} of {wanted} cycles"
-            progress = state.n_cycles / wanted
         self._advance(rested_s, rate, state, enough)
+        hint, progress = self._hint(state, rested_s)
         return GuideView(self._step + 1, len(TITLES), self.title, hint, progress)
+
+    def _hint(self, state: TrialState, rested_s: float) -> tuple[str, float]:
+        """Say how far this step is, in words and from 0 to 1."""
+        if self.title == "start the hand":
+            return "begin the rotation", 0.0
+        if self.title == "let it turn":
+            wanted = state.target_cycles or self.settings.cycles
+            if state.target_half_width_deg is None:
+                return f"{state.n_cycles} of {wanted} cycles", state.n_cycles / wanted
+            more = wanted if state.more_cycles is None else state.more_cycles
+            return f"{state.n_cycles} cycles", state.n_cycles / max(1, state.n_cycles + more)
+        if self.done:
+            return "the trial is complete", 1.0
+        if state.motion.turn_rate_dps is None:
+            return "waiting for the object", 0.0
+        if self._still_since_s is None:
+            return "it still moves", 0.0
+        left_s = math.ceil(self.settings.rest_s - rested_s)
+        return f"{left_s} s more at rest", rested_s / self.settings.rest_s
 
     def _rested_s(self, state: TrialState, rate: float | None) -> float:
         still = rate is not None and (rate < STILL_DPS or (self._still_since_s is not None and rate < MOVING_DPS))

@@ -76,7 +76,7 @@ def _sensor(state: TrialState) -> list[Part]:
             parts.append(f"floor {sensor.floor_deg:.2g}°/cycle")
         parts.append(f"drifts {sensor.heading_deg_per_min:.2g}°/min")
     else:
-        parts.append(("no baseline: floor unknown", "quiet"))
+        parts.append(("no baseline", "quiet"))
     if sensor.calibrated is False:
         parts.append(("uncalibrated", "doubtful"))
     return parts

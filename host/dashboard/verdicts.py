@@ -73,12 +73,12 @@ def _trust(state: TrialState) -> Part | None:
 
 
 def _enough(state: TrialState) -> Part | None:
-    if state.guide is not None:  # it says itself what comes next
-        return None
     wanted = missing(state)
     if wanted:
         out_of_reach = state.n_cycles >= MIN_STEPS and state.more_cycles is None
         return _look(wanted) if out_of_reach else _wait(wanted)
+    if state.guide is not None:  # it says itself when to stop
+        return None
     if state.target_half_width_deg is not None:
         return _good(f"±{state.target_half_width_deg:g}° reached")
     left = 0 if state.target_cycles is None else state.target_cycles - state.n_cycles

@@ -141,7 +141,11 @@ def test_the_guide_leads_through_rest_cycles_and_rest():
     assert "waiting" in go(TrialState(), 1.0).hint
     assert go(state(0, rate=9.0), 5.0).hint == "it still moves"
     assert go(state(0, rate=0.1), 1.5).title == "hold still"
-    assert go(state(0, rate=0.1), 2.0).title == "start the hand"
+    view = go(state(0, rate=0.1), 1.0)
+    while view.title == "hold still":
+        assert view.hint == "1 s more at rest"
+        view = go(state(0, rate=0.1), STEP_S)
+    assert (view.title, view.hint, view.progress) == ("start the hand", "begin the rotation", 0.0)
     assert go(state(0, rate=0.1), 20.0).title == "start the hand"
     assert go(state(0), 1.0).title == "let it turn"
     view = go(state(3), 4.0)
@@ -149,7 +153,8 @@ def test_the_guide_leads_through_rest_cycles_and_rest():
     assert go(state(4), 0.5, enough=True).title == "stop the hand, hold still"
     assert not guide.done
     assert go(state(4), 9.0, enough=True).title == "stop the hand, hold still"
-    assert go(state(4, rate=0.1), 3.0, enough=True).title == "done"
+    view = go(state(4, rate=0.1), 3.0, enough=True)
+    assert (view.title, view.hint, view.progress) == ("done", "the trial is complete", 1.0)
     assert guide.done
 
 

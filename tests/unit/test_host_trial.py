@@ -16,6 +16,7 @@ from host.transports.replay import ReplayTransport
 from host.trial import Trial
 from host.trial_state import LinkView
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
+from tests.watched_trials import watched
 
 
 @pytest.fixture(scope="module")
@@ -172,3 +173,14 @@ def test_two_humps_a_cycle_are_one_cycle_once_the_pattern_is_known():
     periods_s = [row.period_s for row in state.cycles[1:]]
     np.testing.assert_allclose(periods_s, np.median(true_s), atol=0.2)
     assert state.theta_bar_deg == pytest.approx(truth["theta_bar_deg"], abs=0.1)
+
+
+def test_the_rest_before_the_motion_tells_the_floor_of_the_sensor():
+    """As the score at the end has it: what creeps at rest is the sensor's own drift."""
+    imu = {"heading_drift_deg_per_min": 3.0}
+    motion = {"period_s": 1.0, "cycles": 6, "lead_in_s": 12.0, "lead_out_s": 0.5}
+    state = watched(virtual_chunks(scenario("default", imu=imu, motion=motion), 0.05)[0])[1]
+    assert state.sensor.heading_deg_per_min == pytest.approx(3.0, abs=0.5)
+    assert 0.02 < state.sensor.floor_deg < 0.2
+    short = watched(virtual_chunks(scenario("default", imu=imu, motion=motion | {"lead_in_s": 2.0}), 0.05)[0])[1]
+    assert (short.sensor.heading_deg_per_min, short.sensor.floor_deg) == (None, None)
