@@ -13,14 +13,12 @@ from analysis.cycle_analysis import Endpoint
 from analysis.drift import rotation_drift
 from analysis.precision import steps_needed
 from analysis.uncertainty import MIN_STEPS, DriftInterval, drift_interval
-from host.trial_state import CycleRow, WindowView
+from host.trial_state import MISSED, OUTSIDE, CycleRow, WindowView
 
 MAX_ROWS = 200
 """Cycles kept as rows; the score is of all."""
 EVERY_CYCLE = 100
 """Up to so many end points the interval is computed at each; beyond, at every tenth."""
-OUTSIDE = "outside the trial window"
-MISSED = "cycles were missed"
 MISSED_PERIODS = 1.6
 """A cycle so many times as long as usual, with samples missing in it, is several; as the offline search splits runs."""
 

@@ -13,6 +13,8 @@ Quaternion = tuple[float, float, float, float]
 """Scalar first."""
 REST_DPS = 1.5
 """Turning rate below which the object is at rest."""
+OUTSIDE, MISSED = "outside the trial window", "cycles were missed"
+"""Reasons why a cycle does not count that are not the operator's own words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,7 @@ class CycleRow:
     quat_wxyz: tuple[float, float, float, float] | None = None
     """Orientation at the end point, body to world."""
     excluded: str = ""
-    """Why the cycle does not count: the operator's reason, or that it lies outside the trial window; else empty."""
+    """Why the cycle does not count: the operator's reason, :data:`OUTSIDE` or :data:`MISSED`; else empty."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,7 +120,14 @@ def difference_sentence(live_deg: float | None, score: TrialScore) -> str:
         return f"no score: {score.reasons[0]}" if score.reasons else "no score"
     if live_deg is None:
         return f"the live view had no score yet; the result has {len(score.endpoints) - 1} cycles"
-    return f"live {live_deg:.3f}°, the result differs by {score.theta_bar_deg - live_deg:+.3f}°"
+    return f"live {live_deg:.3f}°, the result differs by {round(score.theta_bar_deg - live_deg, 3) + 0.0:+.3f}°"
+
+
+def difference_line(live_deg: float | None, score: TrialScore) -> str:
+    """Say the same in a line below the printed score, which has told already why there is none."""
+    if score.theta_bar_deg is not None:
+        return f"live       {difference_sentence(live_deg, score).removeprefix('live ')}\n"
+    return "" if live_deg is None else f"live       {live_deg:.3f}°, which the result does not confirm\n"
 
 
 def _baseline(path: Path) -> StaticBaseline:

@@ -112,10 +112,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_difference(finished: FinishedCapture) -> None:
-    from host.capture.run import difference_sentence
+    from host.capture.run import difference_line
 
-    live_deg = finished.outcome.last_state.theta_bar_deg
-    sys.stdout.write(f"live       {difference_sentence(live_deg, finished.score).removeprefix('live ')}\n")
+    sys.stdout.write(difference_line(finished.outcome.last_state.theta_bar_deg, finished.score))
 
 
 def _run_several(

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from analysis.series import AnalysisError
     from host.capture.playback import play, recorded_actions
-    from host.capture.run import difference_sentence, finished_state
+    from host.capture.run import difference_line, finished_state
     from host.errors import FileError
     from host.recording.recorded_trial import load_trial
     from host.scoring.result import result_text, score_trial
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         print_score(score)
         if live is not None:
-            sys.stdout.write(f"live       {difference_sentence(live.theta_bar_deg, score).removeprefix('live ')}\n")
+            sys.stdout.write(difference_line(live.theta_bar_deg, score))
     return 0 if score.valid else 1
 
 

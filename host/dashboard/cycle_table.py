@@ -10,7 +10,7 @@ from rich.text import Text
 from host.dashboard.boxes import Lines, block
 from host.dashboard.look import Look, Part
 from host.dashboard.memory import once_a_cycle
-from host.trial_state import CycleRow, TrialState
+from host.trial_state import MISSED, OUTSIDE, CycleRow, TrialState
 
 MIN_BAR, MAX_BAR = 6, 40
 _FIXED = 35
@@ -58,7 +58,7 @@ def cycle_table(state: TrialState, look: Look, width: int, height: int) -> Lines
         head += f"{look.words('θ̄'):>{_THETA if look.ascii_only else _THETA + 1}}"  # ``format`` counts the bar over θ
     lines = [look.text(head + ("  axis of step" if columns.axis else ""), "strong")]
     rows = state.cycles[-max(1, height - 1) :]
-    longest = max((row.step_deg or 0.0 for row in state.cycles), default=0.0)
+    longest = max((row.step_deg or 0.0 for row in state.cycles if not row.excluded), default=0.0)
     lines += [_line(row, longest, columns, look, width) for row in rows]
     if not rows:
         lines.append(look.text(f"  {_waiting(state)}", "quiet"))
@@ -67,8 +67,8 @@ def cycle_table(state: TrialState, look: Look, width: int, height: int) -> Lines
 
 def _line(row: CycleRow, longest_deg: float, columns: _Columns, look: Look, width: int) -> Text:
     odd = "quiet" if row.excluded else "doubtful" if row.flags else "plain"
-    share = 0.0 if row.step_deg is None or longest_deg <= 0 else row.step_deg / longest_deg
-    cells = max(1 if row.step_deg else 0, round(share * columns.bar))
+    share = 1.0 if longest_deg <= 0 else min(1.0, (row.step_deg or 0.0) / longest_deg)
+    cells = max(1, round(share * columns.bar)) if row.step_deg else 0
     number = str(row.number) if row.number else "start"
     period = "" if row.period_s is None else f"{row.period_s:.3f} s"
     sign = ("x" if look.ascii_only else "┄") if row.excluded else "━"
@@ -80,7 +80,8 @@ def _line(row: CycleRow, longest_deg: float, columns: _Columns, look: Look, widt
     if columns.theta:
         parts.append(f"{_angle(row.theta_bar_deg, look):>{_THETA}}")
     line = look.join(*parts)
-    note = f"left out: {row.excluded}" if row.excluded else ", ".join(row.flags)
+    note = row.excluded if row.excluded in {OUTSIDE, MISSED} else f"left out: {row.excluded}"
+    note = note if row.excluded else ", ".join(row.flags)
     if columns.axis and row.step_axis is not None:
         axis = look.join((f"  {look.vector(row.step_axis, 2 if columns.axis == _WIDE_AXIS else 1)}", "quiet"))
         if not note or line.cell_len + axis.cell_len + 1 + cell_len(look.words(note)) <= width:  # a note goes before

@@ -11,7 +11,7 @@ from host.dashboard.boxes import Lines, beside, block
 from host.dashboard.canvas import Canvas
 from host.dashboard.look import Look
 from host.dashboard.memory import once_a_cycle
-from host.trial_state import Quaternion, TrialState
+from host.trial_state import OUTSIDE, Quaternion, TrialState
 
 Vector = tuple[float, float, float]
 
@@ -25,20 +25,25 @@ LEGEND_FROM = 9
 """Height of the sphere's picture from which on a line says what it shows."""
 
 
-def cumulative_deg(state: TrialState) -> list[tuple[int, float]]:
-    """Rotation from the first end point to each one kept, deg, with the number of its cycle."""
-    if state.origin_wxyz is None:
-        return []
+def _poses(state: TrialState) -> list[tuple[int, Quaternion]]:
+    """Cycle numbers and orientations of the end points in the trial window, the first that counts among them."""
     return [
-        (row.number, _angle_deg(row.quat_wxyz, state.origin_wxyz)) for row in state.cycles if row.quat_wxyz is not None
+        (row.number, row.quat_wxyz)
+        for row in state.cycles
+        if row.quat_wxyz is not None and (row.excluded != OUTSIDE or row.quat_wxyz == state.origin_wxyz)
     ]
+
+
+def cumulative_deg(state: TrialState) -> list[tuple[int, float]]:
+    """Rotation from the first end point that counts to each in the trial window, deg, with the number of its cycle."""
+    origin = state.origin_wxyz
+    return [] if origin is None else [(number, _angle_deg(quat, origin)) for number, quat in _poses(state)]
 
 
 def net_deg(state: TrialState) -> float | None:
     """Rotation from the first end point to the last, deg; None before the second."""
-    if state.origin_wxyz is None or len(state.cycles) < 2 or state.cycles[-1].quat_wxyz is None:
-        return None
-    return _angle_deg(state.cycles[-1].quat_wxyz, state.origin_wxyz)
+    path = cumulative_deg(state)
+    return path[-1][1] if len(path) > 1 else None
 
 
 @once_a_cycle
@@ -107,7 +112,7 @@ def sphere_plot(state: TrialState, look: Look, width: int, height: int) -> Lines
         canvas.dot(x0 + radius * aspect * math.cos(angle), y0 + radius * math.sin(angle), "frame", ".")
     origin = state.origin_wxyz
     if origin is not None:
-        turns = [_difference(row.quat_wxyz, origin) for row in state.cycles if row.quat_wxyz is not None]
+        turns = [_difference(quat, origin) for _, quat in _poses(state)]
         tips = []
         for name, axis in _AXES:
             canvas.line(x0, y0, *place(axis), "frame", ".")

@@ -57,7 +57,8 @@ def notice_lines(state: TrialState, look: Look, width: int) -> Lines:
     told = list(state.warnings)
     if state.recording.problem and state.recording.problem not in told:
         told.append(state.recording.problem)
-    lines += [look.text(f"! {warning}", "doubtful") for warning in reversed(told)]
+    for warning in reversed(told):
+        lines += [look.text(line, "doubtful") for line in _wrapped(look.words(f"! {warning}"), width)[:2]]
     window = state.window
     if window is not None:
         begin = "the beginning" if window.from_s is None else f"{window.from_s:.1f} s"
@@ -69,9 +70,13 @@ def notice_lines(state: TrialState, look: Look, width: int) -> Lines:
     return lines[:MAX_NOTICES]
 
 
+def _wrapped(words: str, width: int) -> list[str]:
+    return textwrap.wrap(words, max(20, width - 1), subsequent_indent="  ")
+
+
 def _alarm_lines(alarm: Alarm, look: Look, width: int) -> Lines:
     head = f"ALARM {alarm.kind}:"
-    first, *rest = textwrap.wrap(look.words(f"{head} {alarm.sentence}"), max(20, width - 1), subsequent_indent="  ")
+    first, *rest = _wrapped(look.words(f"{head} {alarm.sentence}"), width)
     line = look.text(first)
     line.stylize(look.styles["bad"], 0, len(head))
     return [line, *(look.text(more) for more in rest[:1])]
@@ -86,9 +91,9 @@ def bottom_line(view: View, state: TrialState, n_objects: int, width: int) -> Te
         return look.join(("finished", "good"), ("" if state.guide is None else "  any key ends", "quiet"))
     line = look.join(("finished  " if state.finished else "", "good"))
     if view.paused:
-        line.append_text(look.join((f"PAUSED, the {'replay' if state.replayed else 'capture'} goes on ", "doubtful")))
+        line.append_text(look.join((f"PAUSED, the {'replay' if state.replayed else 'capture'} goes on  ", "doubtful")))
     if view.message:
-        line.append_text(look.join((f"{view.message} ", "accent")))
+        line.append_text(look.join((f"{view.message}  ", "accent")))
     keys = [
         (key, name)
         for key, name, _ in KEYS

@@ -40,7 +40,7 @@ def object_rows(states: tuple[TrialState, ...], focus: int, look: Look, width: i
         trouble = state.alarms[0].kind if state.alarms else "" if state.link.connected else "DISCONNECTED"
         line = look.join(
             (f"{sign} {index + 1:2} ", "strong" if index == focus else "plain"),
-            f"{name[:16]:16} θ̄ {theta}° {state.n_cycles:4} cycles {rate:>8}  ",
+            f"{name[:16]:16} θ̄ {theta}° {state.n_cycles:4} {'cycle ' if state.n_cycles == 1 else 'cycles'} {rate:>8}  ",
         )
         parts: list[Part] = [
             (f"ALARM {trouble}" if trouble else "", "bad"),

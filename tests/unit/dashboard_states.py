@@ -13,6 +13,8 @@ from analysis import rotations
 from host.dashboard import Look, View, render
 from host.loss_ledger import LossReport
 from host.trial_state import (
+    MISSED,
+    OUTSIDE,
     Alarm,
     CycleRow,
     GuideView,
@@ -123,6 +125,26 @@ CROWDED = replace(
     link=replace(ALARM.link, connected=False),
 )
 BELOW_FLOOR = replace(RUNNING, alarms=(FLOOR,), target_half_width_deg=None, target_cycles=None)
+WINDOW = replace(
+    RUNNING,
+    window=WindowView(24.0, 49.0),
+    n_endpoints=6,
+    origin_wxyz=ROWS[5].quat_wxyz,
+    cycles=tuple(
+        replace(row, excluded=MISSED, step_deg=2.5)
+        if k == 8
+        else replace(row, excluded=row.excluded if 5 < k < 11 else OUTSIDE)
+        for k, row in enumerate(ROWS)
+    ),
+    link=replace(RUNNING.link, reconnects=1),
+    warnings=(
+        "serial:/dev/ttyACM0 is gone (device reports readiness to read but returned no data: unplugged, or in use)",
+        "the link was lost and is open again; nothing came for 4.1 s",
+    ),
+    marks=(),
+    target_half_width_deg=None,
+    target_cycles=None,
+)
 REFUSED = replace(
     RUNNING,
     finished=True,
@@ -158,6 +180,7 @@ SNAPSHOTS = {
     "below-floor-80x24": ((BELOW_FLOOR,), View(), 80, 24, False),
     "two-objects-80x24": ((RUNNING, SECOND), View(focus=1), 80, 24, False),
     "two-objects-120x36": ((RUNNING, SECOND), View(), 120, 36, False),
+    "window-80x24": ((WINDOW,), View(), 80, 24, False),
     "guide-80x24": ((GUIDED,), View(), 80, 24, False),
     "prompt-80x24": ((RUNNING,), View(prompt="leave out cycle 11, because", typed="it slip"), 80, 24, False),
     "help-80x24": ((RUNNING,), View(help_open=True, paused=True), 80, 24, False),

@@ -8,7 +8,7 @@ import pytest
 from analysis.baseline import measure_baseline
 from emulator.faults import FaultSettings, TimedFault
 from host.recording.recorded_trial import assemble
-from host.running_score import MISSED
+from host.trial_state import MISSED
 from tests.faulty_trials import faulty_chunks
 from tests.recorded_trials import scenario, virtual_chunks
 from tests.watched_trials import watched

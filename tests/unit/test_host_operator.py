@@ -18,10 +18,10 @@ from host import operator_actions as did
 from host.capture.operator_desk import OperatorDesk
 from host.dashboard import View
 from host.operator_actions import OperatorAction, action_of, edits_of
-from host.running_score import OUTSIDE, RunningScore
+from host.running_score import RunningScore
 from host.screen.keys import KeyReader, ScreenAction
 from host.trial import Trial
-from host.trial_state import CycleRow, TrialState, WindowView
+from host.trial_state import OUTSIDE, CycleRow, TrialState, WindowView
 
 ROW = CycleRow(4, 20.0, 4.0, 0.8, None, 0.8)
 RUNNING = (TrialState(n_endpoints=5, cycles=(ROW,)),)
