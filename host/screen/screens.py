@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol, TextIO
 
@@ -177,12 +178,22 @@ def open_screen(json_output: bool, stream: TextIO | None = None, choice: ScreenC
         return LineScreen(stream)
     light = choice.theme == "light" or (choice.theme == "auto" and terminal_is_light(os.environ.get("COLORFGBG")))
     settings = ScreenSettings(
-        ascii_only=choice.ascii_only or not _can_show("θ█⣿", stream),
+        ascii_only=choice.ascii_only or _is_c_locale(os.environ) or not _can_show("θ█⣿", stream),
         light=light,
         color=None if console.no_color else console.color_system,
         bell=choice.bell,
     )
     return LiveScreen(stream, LineScreen(stream), settings)
+
+
+def _is_c_locale(environment: Mapping[str, str]) -> bool:
+    """Whether somebody asked for the C locale, whose terminal shows ASCII; Python itself would use UTF-8 there."""
+    if environment.get("PYTHONUTF8") == "1":
+        return False
+    names = [environment.get(name, "") for name in ("LC_ALL", "LC_CTYPE", "LANG")]
+    if names[1] == "C.UTF-8" and names[2] in {"C", "POSIX"}:  # set by Python as it started
+        names[1] = ""
+    return next((name for name in names if name), "") in {"C", "POSIX"}
 
 
 def _can_show(characters: str, stream: TextIO) -> bool:

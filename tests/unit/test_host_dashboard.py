@@ -11,7 +11,7 @@ from host.dashboard import render
 from host.dashboard.big_digits import big_text
 from host.dashboard.verdicts import verdicts
 from host.loss_ledger import LossReport
-from host.screen.screens import LineScreen, QuietScreen, open_screen
+from host.screen.screens import LineScreen, QuietScreen, _is_c_locale, open_screen
 from host.trial_state import Alarm, CycleRow, GuideView, LinkView, MotionView, RecordingView, SensorView, TrialState
 
 
@@ -186,6 +186,22 @@ def test_a_reader_of_lines_that_went_away_does_not_end_the_capture():
     stream.close()
     screen.say("nobody hears this")
     screen.say("nor this")
+
+
+@pytest.mark.parametrize(
+    ("environment", "ascii_only"),
+    [
+        ({}, False),
+        ({"LANG": "C.UTF-8"}, False),
+        ({"LANG": "C"}, True),
+        ({"LANG": "C", "LC_CTYPE": "C.UTF-8"}, True),  # as Python leaves it
+        ({"LANG": "C", "LC_CTYPE": "de_DE.UTF-8"}, False),
+        ({"LANG": "de_DE.UTF-8", "LC_ALL": "POSIX"}, True),
+        ({"LANG": "C", "PYTHONUTF8": "1"}, False),
+    ],
+)
+def test_the_c_locale_has_ascii_only(environment, ascii_only):
+    assert _is_c_locale(environment) == ascii_only
 
 
 def test_without_a_terminal_there_are_lines_and_with_json_they_go_to_stderr(capsys):
