@@ -11,6 +11,7 @@ from analysis.cycle_analysis import CycleAnalysis, CycleSettings
 from analysis.cycle_likeness import irregularity, likeness, rests
 from analysis.motion_axis import AxisAngle
 from analysis.period import Period
+from analysis.turning_points import turning_points
 from analysis.usable_samples import Samples
 
 _ONE_WAY = 1.0 / 3.0  # net turn as a share of all turning
@@ -25,10 +26,24 @@ def why_no_period(motion: Motion, period: Period | None, settings: CycleSettings
     range_deg = float(np.ptp(turned_deg, axis=0).max(initial=0.0))
     if range_deg < settings.min_swing_deg:
         return f"range of motion {range_deg:.2f}° in all, needs {settings.min_swing_deg}°: the object hardly moves"
-    if net_deg > _ONE_WAY * path_deg:
-        return f"one-way rotation: {net_deg:.0f}° of {path_deg:.0f}° turned in one direction"
+    one_way = f"{net_deg:.0f}° of {path_deg:.0f}° turned in one direction" if net_deg > _ONE_WAY * path_deg else ""
+    swings = _swings(motion, settings)
+    if swings < 2 * settings.min_endpoints:
+        seen = f"{swings} swings in a range of {range_deg:.0f}°, no period"
+        if swings == 1 and one_way:
+            seen = f"one-way rotation, {one_way}"
+        return f"fewer than {settings.min_endpoints} cycles: {seen}"
+    if one_way:
+        return f"one-way rotation: {one_way}"
     found = "none found" if period is None else f"autocorrelation {period.confidence:.2f} at {period.seconds:.2f} s"
     return f"no period: {found}, needs {settings.min_confidence}"
+
+
+def _swings(motion: Motion, settings: CycleSettings) -> int:
+    """Count the swings about the axis of most turning; an object that only turns on has one."""
+    axis = np.linalg.eigh(motion.omega.T @ motion.omega)[1][:, -1]
+    angle = np.cumsum(motion.omega @ axis)
+    return 1 + len(turning_points(angle, settings.hysteresis * float(np.ptp(angle))).points)
 
 
 def with_verdict(

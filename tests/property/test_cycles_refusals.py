@@ -72,7 +72,20 @@ def test_fewer_than_three_cycles(cycles, shape, period_s, noise_deg):
     )
     found = find_cycles(trial.series)
     assert not found.valid
-    assert found.reasons
+    assert "fewer than 3 cycles" in found.reasons[0] or not cycles
+
+
+@pytest.mark.parametrize("swings", [1, 2, 3, 4, 5])
+def test_a_recording_that_ends_before_the_third_cycle_says_so(swings):
+    """Cut at every extreme, and after a rest there: three swings leave it turned by a third of its path."""
+    whole = simulate(cycles=6, period_s=4.0, swing_deg=40.0, drift_deg=0.8)
+    held = whole.series.times_s <= whole.endpoint_s[0] - 2.0 + 2.0 * swings
+    for rest in (0, 200):
+        quats = np.concatenate([whole.series.quats_wxyz[held], np.repeat(whole.series.quats_wxyz[held][-1:], rest, 0)])
+        times_s = np.arange(len(quats)) / 100.0
+        found = find_cycles(OrientationSeries(times_s, quats, np.arange(len(quats))))
+        assert not found.valid
+        assert "fewer than 3 cycles" in found.reasons[0], (rest, found.reasons)
 
 
 @pytest.mark.parametrize("swing_deg", [0.1, 0.3, 0.45])
