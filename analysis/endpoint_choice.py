@@ -1,8 +1,8 @@
 """End points that a person chose: by row, by sequence number or by time, each with a reason if one is given.
 
-Text on the command line, ``1175,1639,2099`` (rows, or sequence numbers where the recording has these) or
-``12.5s,17.1s`` (seconds since the first sample); or a CSV with a header ``row`` (or ``sequence``, or ``time_s``) and,
-if wanted, ``reason``:
+A list, ``1175,1639,2099`` (rows, or sequence numbers where the recording has these) or ``12.5s,17.1s`` (seconds since
+the first sample), on the command line or in a file; or a CSV with a header ``row`` (or ``sequence``, or ``time_s``)
+and, if wanted, ``reason``:
 
     row,reason
     1175,
@@ -12,7 +12,9 @@ if wanted, ``reason``:
 from __future__ import annotations
 
 import csv
+import io
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +25,7 @@ from analysis.series import ReaderError
 MAX_ENDPOINTS = 1_000_000
 _NAMES = ("row", "sequence", "time_s")  # columns of a CSV
 _KINDS = (*_NAMES, "index")
+_AROUND = " \t\r\n,;[]"  # a list may be copied with its brackets
 
 
 @dataclass(frozen=True)
@@ -60,12 +63,12 @@ class EndpointChoice:
 
 
 def parse_endpoints(text: str) -> EndpointChoice:
-    """Parse end points from the command line: a file that exists, rows, or times with an ``s``.
+    """Parse end points from the command line: rows, times with an ``s``, or a file of either.
 
     Parameters
     ----------
     text
-        ``1175,1639,2099``, ``12.5s,17.1s``, or the path of a CSV.
+        ``1175,1639,2099``, ``12.5s,17.1s``, or the path of a file for :func:`load_endpoints`.
 
     Returns
     -------
@@ -76,22 +79,11 @@ def parse_endpoints(text: str) -> EndpointChoice:
     ReaderError
         Neither a file nor numbers; says which part.
     """
-    parts = [part.strip() for part in text.replace(";", ",").split(",") if part.strip()]
-    kinds, values = set(), []
-    for part in parts:
-        kinds.add("time_s" if part.endswith("s") or "." in part else "index")
-        try:
-            values.append(float(part.removesuffix("s")))
-        except ValueError:
-            return _from_path(text)
-    if not values:
+    if not text.strip(_AROUND):
         raise ReaderError("no end points given; e.g. --endpoints 1175,1639,2099,2562 or a CSV with a column row")
-    if len(kinds) > 1:
-        raise ReaderError("end points are either rows (1175,1639) or times (12.5s,17.1s), not both")
-    return EndpointChoice(kinds.pop(), tuple(values))
-
-
-def _from_path(text: str) -> EndpointChoice:
+    choice = _parse_list(text)
+    if choice is not None:
+        return choice
     path = Path(text)
     try:
         found = path.is_file()
@@ -104,13 +96,28 @@ def _from_path(text: str) -> EndpointChoice:
     return load_endpoints(path)
 
 
+def _parse_list(text: str, source: str = "given") -> EndpointChoice | None:
+    """Parse numbers between commas, semicolons or blanks; None where there is anything else."""
+    kinds, values = set(), []
+    for part in re.split(r"[,;\s]+", text.strip(_AROUND)):
+        kinds.add("time_s" if part.endswith("s") or "." in part else "index")
+        try:
+            values.append(float(part.removesuffix("s")))
+        except ValueError:
+            return None
+    if len(kinds) > 1:
+        raise ReaderError("end points are either rows (1175,1639) or times (12.5s,17.1s), not both")
+    return EndpointChoice(kinds.pop(), tuple(values), source=source)
+
+
 def load_endpoints(path: Path) -> EndpointChoice:
-    """Read end points from a CSV with a column ``row``, ``sequence`` or ``time_s``, and ``reason`` if wanted.
+    """Read end points from a file.
 
     Parameters
     ----------
     path
-        The file.
+        A bare list as for :func:`parse_endpoints`, or a CSV with a column ``row``, ``sequence`` or ``time_s``, and
+        ``reason`` if wanted.
 
     Returns
     -------
@@ -119,19 +126,25 @@ def load_endpoints(path: Path) -> EndpointChoice:
     Raises
     ------
     ReaderError
-        No such column, or a cell that is no number; names the line.
+        No list and no such column, or a cell that is no number; names the line.
     """
     if path.stat().st_size > min(MAX_FILE_BYTES, 64 * MAX_ENDPOINTS):
         raise ReaderError(f"{plain(path.name, 80)} is too large for a list of end points")
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        try:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-        except csv.Error as error:
-            raise ReaderError(f"{plain(path.name, 80)} is not a CSV: {plain(str(error), 80)}") from error
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    return _parse_list(text, str(path)) or _parse_csv(text, path)
+
+
+def _parse_csv(text: str, path: Path) -> EndpointChoice:
+    try:
+        rows = [row for row in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise ReaderError(f"{plain(path.name, 80)} is not a CSV: {plain(str(error), 80)}") from error
     header = [cell.strip().lower() for cell in rows[0]] if rows else []
     kinds = [name for name in _NAMES if name in header]
     if len(kinds) != 1:
-        raise ReaderError(f"{plain(path.name, 80)} needs a header with one of row, sequence, time_s (and reason)")
+        raise ReaderError(
+            f"{plain(path.name, 80)} is no list of numbers and needs a header with one of row, sequence, time_s"
+        )
     place = header.index(kinds[0])
     why = header.index("reason") if "reason" in header else None
     values, reasons = [], []

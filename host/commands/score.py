@@ -29,7 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="what to score; folders are searched")
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
     parser.add_argument(
-        "--endpoints", metavar="ROWS|CSV", help="end points chosen by hand: 1175,1639 (rows), 12.5s,17.1s, or a CSV"
+        "--endpoints", metavar="ROWS|FILE", help="end points chosen by hand: 1175,1639 (rows), 12.5s,17.1s, or a file"
     )
     parser.add_argument(
         "--from", dest="start", type=_bound, metavar="S|MARKER", help="begin of the window: seconds, or m1 for a marker"

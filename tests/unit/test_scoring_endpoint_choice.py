@@ -11,6 +11,7 @@ def test_rows_and_times_on_the_command_line():
     assert parse_endpoints("1.5s,2s").kind == "time_s"
     assert parse_endpoints("1.5,2.25").values == (1.5, 2.25)
     assert parse_endpoints("0").values == (0.0,)
+    assert parse_endpoints("[10 20\t30]") == EndpointChoice("index", (10.0, 20.0, 30.0))
 
 
 @pytest.mark.parametrize(
@@ -40,6 +41,16 @@ def test_csv_with_reasons(tmp_path):
     assert choice == EndpointChoice("row", (10.0, 20.0, 30.0), ("", "hand paused, moved", ""), str(path))
     assert choice.reason(1) == "hand paused, moved"
     assert EndpointChoice("row", (1.0,)).reason(0) == ""
+
+
+@pytest.mark.parametrize("text", ["10\n20\n30\n", "10,20,30", "10 20 30\r\n", "[10, 20, 30]\n", "\ufeff10;20;30"])
+def test_bare_lists_in_a_file(tmp_path, text):
+    path = tmp_path / "rows.txt"
+    path.write_text(text, encoding="utf-8")
+    assert parse_endpoints(str(path)) == EndpointChoice("index", (10.0, 20.0, 30.0), source=str(path))
+    path.write_text(text.replace("30", "30.5"), encoding="utf-8")
+    with pytest.raises(ReaderError, match="either rows"):
+        load_endpoints(path)
 
 
 @pytest.mark.parametrize("kind", ["row", "sequence", "time_s"])
