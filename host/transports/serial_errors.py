@@ -13,6 +13,7 @@ import re
 import stat
 import sys
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from host.errors import (
     LinkError,
@@ -50,7 +51,7 @@ def translate_open_error(
     number = _errno(error, text)
     is_url = "://" in target
     if is_url:
-        if isinstance(error, ValueError) or "expected a string in the form" in text:
+        if isinstance(error, ValueError) or not _is_complete(target):
             return UsageError(f"{target} is not a URL that can be opened", "write it like socket://127.0.0.1:5000")
         reason = _reason(text)
         return PortNotFoundError(
@@ -106,6 +107,15 @@ def _permission(target: str, platform: str) -> PortPermissionError:
     return PortPermissionError(sentence, "check the driver of the adapter and the rights of your account")
 
 
+def _is_complete(url: str) -> bool:
+    """Whether a URL of a port on the network names host and port; pyserial fails to say so of one that does not."""
+    try:
+        parts = urlsplit(url)
+        return parts.scheme not in {"socket", "rfc2217"} or bool(parts.hostname and parts.port)
+    except ValueError:  # no number, or above 65535
+        return False
+
+
 def _owning_group(target: str) -> str:
     try:
         import grp  # POSIX only
@@ -133,5 +143,5 @@ def _reason(text: str) -> str:
     found = re.search(r"\[Errno (\d+)\]", text)
     if found and int(found[1]) > 0:
         return os.strerror(int(found[1])).lower()
-    repeated = r"^(\[Errno \d+\] |read failed: |write failed: |[Cc]ould not open port \S+: )+"
+    repeated = r"^(\[Errno -?\d+\] |read failed: |write failed: |[Cc]ould not open port \S+: )+"
     return plain(re.sub(repeated, "", text), 120)
