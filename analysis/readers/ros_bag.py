@@ -38,6 +38,7 @@ _DAMAGE = (
     RecursionError,
     struct.error,
 )
+_MEND = "copy it anew, or recover it with an MCAP or ROS tool"
 _Pose = tuple[Any, Any | None, Any | None]  # quaternion, position, acceleration
 
 
@@ -127,16 +128,14 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
     except ReaderError:
         raise
     except AnyReaderError as error:
-        raise ReaderError(f"{plain(path.name, 80)} cannot be read as a bag: {plain(str(error), 160)}") from error
+        what = plain(str(error), 160).rstrip(".")
+        raise ReaderError(f"{plain(path.name, 80)} cannot be read as a bag ({what}): {_MEND}") from error
     except Exception as error:
         # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through.
         said_by_library = type(error).__module__.split(".")[0] in _LIBRARIES
         if said_by_library or isinstance(error, _DAMAGE):
             what = f" ({plain(str(error), 160)})" if said_by_library else ""  # Python's own words explain nothing
-            raise ReaderError(
-                f"{plain(path.name, 80)} is damaged or cut off{what}: "
-                "copy it anew, or recover it with an MCAP or ROS tool"
-            ) from error
+            raise ReaderError(f"{plain(path.name, 80)} is damaged or cut off{what}: {_MEND}") from error
         raise
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import BinaryIO
 
-from emulator import LinkError
+from emulator import EmulatorError, LinkError
 from emulator.links.byte_stream import ByteLink
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Start
@@ -57,13 +57,19 @@ class FileLink(ByteLink):
         return f"file:{self.path}"
 
     def open(self) -> None:
-        """Make the file."""
+        """Make the file.
+
+        Raises
+        ------
+        EmulatorError
+            It exists already or cannot be written.
+        """
         try:
             self._file = self.path.open("xb")
         except FileExistsError:
-            raise LinkError(f"{self.path} exists: choose another name, or remove it") from None
+            raise EmulatorError(f"{self.path} exists already: choose another name, or remove it") from None
         except OSError as error:
-            raise LinkError(f"cannot write {self.path}: {error.strerror}") from error
+            raise EmulatorError(f"cannot write {self.path}: {error.strerror}") from error
         self._start = encode_frame(encode_packet(Start(0, with_raw_imu=self._with_raw_imu)))
 
     def close(self) -> None:
@@ -90,7 +96,7 @@ class FileLink(ByteLink):
         try:
             return self._file.write(data)
         except OSError as error:  # nobody to wait for, unlike on a live link
-            raise LinkError(f"cannot write {self.path}: {error.strerror}") from error
+            raise EmulatorError(f"cannot write {self.path}: {error.strerror}") from error
 
     def _read(self) -> bytes:
         data, self._start = self._start, b""

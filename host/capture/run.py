@@ -85,8 +85,9 @@ def run_capture(
         Recording or result exist already or cannot be written.
     """
     result_path = recording_path.with_suffix(".json")
-    if result_path.exists():
-        raise FileError(f"{result_path} exists already", "give another name with --out, or move it away")
+    for path in (recording_path, result_path):  # before an object is started for it
+        if path.exists():
+            raise FileError(f"{path} exists already", "give another name with --out, or move it away")
     baseline = None if options is None or options.baseline is None else _baseline(options.baseline)
     try:
         outcome = record(link, recording_path, settings, screen, stop, baseline, keep_screen=True)

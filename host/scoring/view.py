@@ -87,7 +87,7 @@ def _facts(score: TrialScore) -> Iterator[tuple[str, str]]:
 
 def _motion(score: TrialScore) -> Iterator[str]:
     n, cycles = len(score.endpoints), score.cycles
-    yield f"{max(0, n - 1)} cycles ({n} end points)"
+    yield f"{_number(max(0, n - 1), 'cycle')} ({_number(n, 'end point')})"
     if score.period_s is not None:
         yield f"period {score.period_s:.3f} s (confidence {cycles.period_confidence:.2f})"
     if cycles.swing_deg:
@@ -95,6 +95,10 @@ def _motion(score: TrialScore) -> Iterator[str]:
         yield f"{cycles.axis_share:.0%} of it about one axis"
     if cycles.humps > 1:
         yield f"{cycles.humps} humps a cycle"
+
+
+def _number(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 def _companions(score: TrialScore) -> Iterator[tuple[str, str]]:

@@ -307,7 +307,7 @@ def test_addresses_that_are_wrong(tmp_path):
     taken = open_link("tcp:0")
     with taken, pytest.raises(LinkError, match="cannot listen on port"):
         open_link(f"tcp:{taken.port}").open()
-    with pytest.raises(LinkError, match="cannot write"):
+    with pytest.raises(EmulatorError, match="cannot write"):
         open_link(f"file:{tmp_path}/no/folder").open()
     with pytest.raises(EmulatorError, match="cannot write the truth"):
         run(load_scenario("static"), open_link("pty:"), duration_s=0.0, truth_path=tmp_path / "no" / "truth.json")
@@ -325,7 +325,7 @@ def test_a_ten_minute_trial_in_virtual_time_to_a_byte_file(tmp_path):
     assert decoder.counters.packets[p.PacketType.ORIENTATION] == result.truth["device"]["samples_produced"]
     assert decoder.counters.sequence_gaps == decoder.counters.crc_errors == 0
     assert json.loads((tmp_path / "truth.json").read_text()) == json.loads(json.dumps(result.truth))
-    with pytest.raises(LinkError, match="exists"):
+    with pytest.raises(EmulatorError, match="exists"):
         run(scenario, open_link(f"file:{tmp_path}/trial.bin"))
 
 

@@ -243,9 +243,10 @@ def test_a_recording_of_any_day_and_with_pauses_is_read_to_its_end_however_slowl
 def test_neither_recording_nor_result_is_ever_written_over(tmp_path, replayed):
     (tmp_path / "taken.json").write_text("mine")
     (tmp_path / "other.mcap").write_text("mine")
-    for name in ("taken.mcap", "other.mcap"):
-        with pytest.raises(FileError, match="exists already"):
-            capture_run.run_capture(replayed, tmp_path / name, CaptureSettings(), QuietScreen(), threading.Event())
+    for link in (replayed, "serial:/dev/ttyNOPE"):  # said before the link is opened, and an object started
+        for name in ("taken.mcap", "other.mcap"):
+            with pytest.raises(FileError, match="exists already"):
+                capture_run.run_capture(link, tmp_path / name, CaptureSettings(), QuietScreen(), threading.Event())
     assert (tmp_path / "taken.json").read_text() == (tmp_path / "other.mcap").read_text() == "mine"
     assert not (tmp_path / "taken.mcap").exists()
 
