@@ -29,7 +29,7 @@ def why_no_period(motion: Motion, period: Period | None, settings: CycleSettings
     one_way = f"{net_deg:.0f}° of {path_deg:.0f}° turned in one direction" if net_deg > _ONE_WAY * path_deg else ""
     swings = _swings(motion, settings)
     if swings < 2 * settings.min_endpoints:
-        seen = f"{swings} swings in a range of {range_deg:.0f}°, no period"
+        seen = f"{swings} swing{'s' * (swings > 1)} in a range of {range_deg:.0f}°, no period"
         if swings == 1 and one_way:
             seen = f"one-way rotation, {one_way}"
         return f"fewer than {settings.min_endpoints} cycles: {seen}"
