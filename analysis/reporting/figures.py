@@ -26,6 +26,8 @@ MAX_LINE_POINTS = 6000
 def summary_figure(series: OrientationSeries, result: dict[str, Any], title: str) -> look.PaperFigure:
     """Draw one trial on one page: rotation over time, steps, and how much θ̄ depends on choices.
 
+    Without a score there are no steps and nothing that depends on them: rotation over time alone.
+
     Parameters
     ----------
     series
@@ -35,9 +37,14 @@ def summary_figure(series: OrientationSeries, result: dict[str, Any], title: str
     title
         Above it all, e.g. θ̄ and the name of the file.
     """
-    upper_in, lower_in = 2.1, max(1.9, _sensitivity_height_in(result))
-    figure = look.new_figure(0.3 + upper_in + lower_in, width_in=2.0 * look.COLUMN_IN)
+    title_in, upper_in, lower_in = 0.16 * (2 + title.count("\n")), 2.1, max(1.9, _sensitivity_height_in(result))
+    if ResultView.of(result).theta_bar_deg is None:
+        lower_in = 0.0
+    figure = look.new_figure(title_in + upper_in + lower_in, width_in=2.0 * look.COLUMN_IN)
     figure.suptitle(look.drawable(title), fontsize=8.5)
+    if not lower_in:
+        _draw_rotation(figure.subfigures(1, 1, squeeze=False)[0, 0], series, result)
+        return figure
     upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=[upper_in, lower_in])[:, 0]
     left, right = lower.subfigures(1, 2, squeeze=False)[0]
     _draw_rotation(upper, series, result)

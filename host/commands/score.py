@@ -143,14 +143,19 @@ def _check_plot(path: Path | None) -> None:
 
 def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
     """Draw a trial; a trial without a score shows its motion all the same."""
+    import textwrap
+
     from analysis.reporting import figure_style
     from analysis.reporting.figures import summary_figure
     from host.errors import unwritable
 
     theta_deg = scored.score.theta_bar_deg
-    number = "no score" if theta_deg is None else f"θ̄ = {theta_deg:.3f}° per cycle"
+    if theta_deg is None:
+        title = f"{source.name}: no score\n" + textwrap.fill("; ".join(scored.score.reasons), 110, max_lines=4)
+    else:
+        title = f"{source.name}: θ̄ = {theta_deg:.3f}° per cycle"
     with figure_style.style():
-        figure = summary_figure(scored.series, scored.result, f"{source.name}: {number}")
+        figure = summary_figure(scored.series, scored.result, title)
         content = figure_style.figure_bytes(figure, path.suffix.lower().removeprefix("."))
     try:
         with path.open("xb") as file:

@@ -17,6 +17,10 @@ MAX_ROWS = 40
 """Longer tables show their beginning and their end."""
 MAX_LEFT_OUT = 4
 """Turning points left out that are named; the result has all."""
+_BELOW_FLOOR = {
+    "baseline": "below the sensor's floor: it cannot be told from no drift at all",
+    "rests": "below the floor that the rests inside the trial set: only a static baseline can tell it from no drift",
+}
 
 
 def render_score(score: TrialScore) -> RenderableType:
@@ -48,7 +52,7 @@ def _headline(score: TrialScore) -> Text:
         low, high = score.interval_deg
         line.append(f"   95 % interval {low:.3f}° to {high:.3f}°", style="")
     if score.sensor is not None and score.sensor.below_floor:
-        line.append("\nbelow the sensor's floor: it cannot be told from no drift at all", style="bold yellow")
+        line.append(f"\n{_BELOW_FLOOR[score.sensor.source]}", style="bold yellow")
     return line
 
 

@@ -84,6 +84,12 @@ def test_too_few_or_misshapen(quats):
         rotation_drift(quats)
 
 
+@pytest.mark.parametrize(("left_out", "message"), [([3], "cannot be left out"), ([-1], "cannot"), ([0, 1, 2], "every")])
+def test_steps_that_cannot_be_left_out(left_out, message):
+    with pytest.raises(SeriesError, match=message):
+        rotation_drift(chain(np.full((3, 3), 0.01)), left_out)
+
+
 def test_translation_drift_is_net_over_steps():
     positions = np.cumsum(np.random.default_rng(13).normal(size=(6, 3)), axis=0) * 1e-3
     expected = np.linalg.norm(positions[-1] - positions[0]) / 5 * 1000

@@ -51,6 +51,8 @@ def test_excursion_that_comes_back():
     assert companions.max_excursion_deg == pytest.approx(8.0)
     assert companions.net_rotation_deg == pytest.approx(0.0, abs=1e-9)
     assert rotation_drift(chain(steps)).theta_bar_deg == pytest.approx(0.0, abs=1e-9)
+    onward = drift_companions(chain(np.radians([-3.0, 4.0, 4.0])[:, None] * AXIS))
+    assert onward.max_excursion_deg == pytest.approx(5.0)  # from the first end point, not from the last
 
 
 def test_leave_one_out_equals_scoring_the_rest():

@@ -11,12 +11,14 @@ from scipy.spatial.transform import Rotation
 from analysis.reporting import figure_style as look
 from analysis.reporting.clouds import MAX_CLOUD_POINTS, clouds_of, turn_about_axis
 from analysis.reporting.figure_set import CAPTIONS, draw_figures, make_figure
-from analysis.reporting.figures import _thinned, numbers_shown
+from analysis.reporting.figures import _thinned, numbers_shown, summary_figure
 from analysis.reporting.point_numbers import number_offsets
 from analysis.reporting.result_view import ResultView
 from analysis.reporting.wording import methods_text
+from analysis.scoring import score_series
 from analysis.series import OrientationSeries
 from tests.scored_trials import scored, trial_report
+from tests.simulated_motion import simulate
 
 SIGNATURES = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 
@@ -53,6 +55,16 @@ def test_a_trial_without_positions_has_all_figures_but_translation_and_no_settin
     assert dict(mpl.rcParams) == before
     assert [figure.name for figure in drawn] == [name for name in CAPTIONS if name != "translation_cloud"]
     assert all(figure.files["png"].startswith(b"\x89PNG") for figure in drawn)
+
+
+def test_one_page_of_a_trial_and_without_a_score_the_motion_alone():
+    series = simulate(cycles=6).series
+    result = dict(score_series(series).to_json())
+    with look.style():
+        assert len(summary_figure(series, result, "a trial").axes) == 3
+        alone = summary_figure(series, {**result, "theta_bar_deg": None, "valid": False}, "no score\nthe reason")
+    assert [axes.get_ylabel() for axes in alone.axes] == ["rotation about the\nmotion axis (°)"]
+    assert alone.get_suptitle() == "no score\nthe reason"
 
 
 def test_the_end_points_of_every_body_axis_are_numbered(trial):

@@ -38,6 +38,21 @@ def test_one_axis_case_is_student_s_interval_widened():
     assert interval.standard_error_deg == pytest.approx(half / stats.t.ppf(0.975, 5), rel=2e-3)
 
 
+def test_the_larger_of_the_two_errors_counts():
+    rng = np.random.default_rng(6)
+    ratios = []
+    for _ in range(20):
+        vectors = np.radians(rng.normal(scale=1.0, size=(6, 3)))
+        interval = drift_interval(rotations.exp(vectors))
+        larger = max(interval.jackknife_error_deg, interval.delta_error_deg)
+        rho = interval.correlation
+        assert interval.half_width_deg == pytest.approx(stats.t.ppf(0.975, 5) * larger * np.sqrt((1 + rho) / (1 - rho)))
+        assert interval.no_drift_p == pytest.approx(hotelling_p(vectors, (1 + rho) / (1 - rho)), rel=1e-9)
+        ratios.append(interval.jackknife_error_deg / interval.delta_error_deg)
+    assert min(ratios) < 0.9  # either can be the larger one
+    assert max(ratios) > 1.1
+
+
 @pytest.mark.parametrize("n_steps", [1, 2, 3])
 def test_few_steps_have_no_interval(n_steps):
     assert drift_interval(steps_about_axis(*range(1, n_steps + 1))) is None
