@@ -165,6 +165,23 @@ def test_positions_accelerations_and_units(tmp_path):
     assert series.warnings == ()
 
 
+@pytest.mark.parametrize(
+    ("unit", "per_si"),
+    [
+        *[("length=" + name, per) for name, per in (("m", 1.0), ("cm", 100.0), ("mm", 1000.0), ("inch", 1 / 0.0254))],
+        *[("time=" + name, per) for name, per in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))],
+    ],
+)
+def test_every_unit(tmp_path, unit, per_si):
+    times, poses, positions = files.motion()
+    length, time = (per_si, 1.0) if unit.startswith("length") else (1.0, per_si)
+    table = np.column_stack((times * time, poses.as_quat(scalar_first=True), positions * length))
+    (tmp_path / "a.csv").write_text(files.rows_text(table, "t,w,x,y,z,a,b,c"))
+    series = read_series(tmp_path / "a.csv", columns="t=t,qw=w,qx=x,qy=y,qz=z,px=a,py=b,pz=c," + unit)
+    np.testing.assert_allclose(series.positions_m, positions, rtol=1e-12)
+    np.testing.assert_allclose(series.times_s, times, atol=1e-6)
+
+
 def test_world_to_body_and_jpl(tmp_path):
     _, poses, _ = files.motion()
     own, inverse = poses.as_quat(scalar_first=True), poses.inv().as_quat(scalar_first=True)

@@ -129,6 +129,13 @@ def test_of_several_stations_the_one_that_turns_is_taken(tmp_path, moving):
         read_series(path, topic="7")
 
 
+def test_a_few_rows_of_another_station_do_not_count(tmp_path):
+    path = tmp_path / "a.csv"
+    files.ndx(path)
+    rewritten(path, lambda x: [*x[:200], "2, 0, 0, 0, 0, 0, 0,", "2, 0, 0, 0, 170, 0, 90,", *x[200:]])
+    assert len(assert_motion(path)) == 400
+
+
 def test_a_damaged_station_is_named(tmp_path):
     path = tmp_path / "a.csv"
     files.ndx(path)
