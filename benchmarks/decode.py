@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from itertools import pairwise
 from statistics import median
@@ -67,7 +68,10 @@ def measure(quick: bool = False) -> Topic:
             topic.left_out.append(f"{name}: {why}")
         else:
             functions[name] = make(n_peer)
+    gc.collect()
+    gc.freeze()  # the modules and samples of one are no garbage for another to look through
     times = rounds_of(functions, rounds)
+    gc.unfreeze()
 
     ours = times["ours, clean"]
     topic.rows.append(figure("clean, ours", [n / t / 1e6 for t in ours], "M samples/s"))
