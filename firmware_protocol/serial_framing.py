@@ -200,21 +200,22 @@ class FrameDecoder:
         self._rejected["crc_errors"] += counters.crc_errors
 
     def open_lone(self, pieces: bytes) -> bytes | None:
-        """Return the packet where :meth:`complete` gave one good frame with both its delimiters, as live reads do.
+        """Return the packet where :meth:`complete` gave one good frame and delimiters around it, as live reads do.
 
         None, and nothing counted, for anything else: then :meth:`unframe` takes it.
         """
-        size = len(pieces) - 2
-        if size < 1 or pieces[0] or pieces.find(b"\0", 1) != size + 1:
+        piece = pieces.strip(b"\0")
+        size = len(piece)
+        if not 1 + CRC_BYTES <= size <= MAX_PIECE_BYTES or b"\0" in piece:
             return None
         try:
-            data = cobs.decode(pieces[1:-1])
+            data = cobs.decode(piece)
         except cobs.DecodeError:
             return None
         packet: bytes = data[:-CRC_BYTES]
-        if size > MAX_PIECE_BYTES or size < 1 + CRC_BYTES or crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
+        if crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
             return None
-        self._delimiters += 2
+        self._delimiters += len(pieces) - size
         self._frames += 1
         self._frame_bytes += size
         self._at_start = False

@@ -140,7 +140,7 @@ class StreamDecoder:
         pieces = self._frames.complete(data)
         if not pieces:
             return []
-        if len(pieces) == _LONE_BYTES:
+        if _LONE_BYTES - 1 <= len(pieces) <= _LONE_BYTES + 1:  # one or two delimiters before it or behind
             packet = self._frames.open_lone(pieces)
             if packet is not None:
                 return self._feed_lone(packet)
@@ -183,8 +183,8 @@ class StreamDecoder:
         return located
 
     def _feed_lone(self, packet: bytes) -> list[StreamItem]:
-        """Decode a packet as long as ORIENTATION that came alone: what a live read mostly brings."""
-        if packet[0] == _ORIENTATION:
+        """Decode a packet that came alone, mostly ORIENTATION: what a live read brings."""
+        if len(packet) == ORIENTATION_BYTES and packet[0] == _ORIENTATION:
             sequence, device_time_us, w, x, y, z, flag = _SAMPLE_FIELDS(packet, 1)
             square = w * w + x * x + y * y + z * z
             if Q15_MIN_SQUARE <= square <= Q15_MAX_SQUARE:

@@ -93,6 +93,21 @@ def test_all_samples_of_a_newer_minor_version_are_read(batch_bytes, rng, monkeyp
     assert decoder.counters.extended == 300
 
 
+@pytest.mark.parametrize("extra", [-1, 0, 1, 2], ids=lambda extra: f"{extra:+d} bytes")
+@pytest.mark.parametrize("before", [b"", b"\0", b"\0\0"], ids=len)
+@pytest.mark.parametrize("behind", [b"\0", b"\0\0"], ids=len)
+def test_a_frame_that_comes_alone_is_what_it_is_among_others(extra, before, behind, rng):
+    packet = codec.encode_packet(orientation(5, rng))
+    piece = encode_frame(packet[:extra] if extra < 0 else packet + bytes(extra)).strip(b"\0")
+    alone, among = StreamDecoder(), StreamDecoder()
+    got = alone.feed(before + piece + behind)
+    expected = among.feed(before + piece + behind + encode_frame(b"\xee" * 30))
+    assert [item.sequence.tolist() for item in got] == [item.sequence.tolist() for item in expected]
+    assert alone.counters.packets == among.counters.packets
+    assert (alone.counters.extended, alone.counters.malformed) == (among.counters.extended, among.counters.malformed)
+    assert alone.counters.delimiters == len(before) + len(behind)
+
+
 def test_samples_of_two_lengths_keep_their_order(rng, monkeypatch):
     monkeypatch.setattr(stream, "BATCH_BYTES", 1)
     packets = [codec.encode_packet(orientation(k, rng)) + bytes(rng.choice([0, 0, 0, 1, 40])) for k in range(200)]
