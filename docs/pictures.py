@@ -23,8 +23,24 @@ from host.screen.screens import QuietScreen
 from host.trial_state import TrialState
 from host.virtual_object_process import VirtualObjectProcess
 
-WIDTH, HEIGHT = 100, 30
-CYCLES = 10
+WIDTH, HEIGHT = 100, 32
+CYCLES = 14
+SCENARIO = """
+purpose = "Twelve seconds at rest, which tell the sensor's own drift, then cycles of 2 s."
+[motion]
+period_s = 2.0
+swing_deg = 40.0
+cycles = 30
+lead_in_s = 12.0
+[drift]
+angle_deg = 0.8
+axis = [0.0, 0.6, 0.8]
+[imu]
+heading_drift_deg_per_min = 0.5
+temperature_c = 38.0
+[device]
+rate_hz = 100
+"""
 FOLDER = Path(__file__).resolve().parent / "pictures"
 
 
@@ -40,15 +56,14 @@ class KeepingScreen(QuietScreen):
 
 
 def dashboard_picture(path: Path) -> None:
-    """Capture the default scenario and draw the dashboard as it stands when the last cycle is in."""
+    """Capture a trial and draw the dashboard as it stands when the last cycle is in."""
     screen = KeepingScreen()
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        contextlib.chdir(folder),
-        VirtualObjectProcess("default") as virtual,
-    ):
-        recording = DEFAULT_FOLDER / "trial.mcap"
-        run_capture(virtual.link, recording, CaptureSettings(cycles=CYCLES), screen, threading.Event())
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        scenario = Path("picture.toml")
+        scenario.write_text(SCENARIO, encoding="utf-8")
+        with VirtualObjectProcess(str(scenario.resolve())) as virtual:
+            recording = DEFAULT_FOLDER / "trial.mcap"
+            run_capture(virtual.link, recording, CaptureSettings(cycles=CYCLES), screen, threading.Event())
     console = Console(record=True, width=WIDTH, height=HEIGHT, force_terminal=True, file=io.StringIO())
     console.print(render(screen.state))
     path.parent.mkdir(exist_ok=True)

@@ -5,17 +5,21 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from firmware_protocol.packets import TimeReply
+from firmware_protocol.stream import StreamItem
 from host.capture.alarms import AlarmWatch
 from host.capture.operator_desk import OperatorDesk
 from host.operator_actions import OperatorAction, action_of
 from host.recording import format as fmt
 from host.recording.reader import RecordingReader
+from host.recording.round_trips import RecordedRoundTrips
 from host.screen.screens import Screen
-from host.transports.chunks import LinkEnd, Transport
+from host.session import RoundTrip
+from host.transports.chunks import AnyChunk, LinkEnd, Transport
 from host.trial import Trial
 from host.trial_state import LinkView, RecordingView, TrialState
 
@@ -39,6 +43,21 @@ def recorded_actions(path: Path) -> list[OperatorAction]:
     return actions
 
 
+def recorded_commands(path: Path) -> list[AnyChunk]:
+    """Read what the host sent during a capture, in order.
+
+    Raises
+    ------
+    FileError
+        Not a recording.
+    """
+    sent = []
+    for message in RecordingReader(path).messages({fmt.SENT}):
+        with contextlib.suppress(ValueError, KeyError):
+            sent.append(fmt.decode_raw(message.data, fmt.SENT))
+    return sent
+
+
 def play(
     transport: Transport,
     trial: Trial,
@@ -46,6 +65,7 @@ def play(
     stop: threading.Event,
     speed: float = 1.0,
     actions: Sequence[OperatorAction] = (),
+    commands: Sequence[AnyChunk] = (),
 ) -> TrialState | None:
     """Feed a replay into a trial until its end.
 
@@ -65,6 +85,8 @@ def play(
         As given to the replay: how much recorded time passes between two pictures.
     actions : sequence of OperatorAction
         What the operator did then; done again when its time comes.
+    commands : sequence of AnyChunk
+        What was sent then: with the answers they bound the offset of the clocks.
 
     Returns
     -------
@@ -72,7 +94,7 @@ def play(
         The last picture; None where it was ended early.
     """
     desk, alarms = OperatorDesk(trial, lambda _: None), AlarmWatch()
-    waiting = deque(actions)
+    waiting, unsent, trips = deque(actions), deque(commands), RecordedRoundTrips()
     first_ns: int | None = None
     told_ns = now_ns = 0
 
@@ -99,7 +121,12 @@ def play(
             continue
         now_ns = chunk.host_time_ns
         first_ns = now_ns if first_ns is None else first_ns
-        for row in trial.feed(chunk).cycles:
+        while unsent and unsent[0].host_time_ns <= now_ns:
+            command = unsent.popleft()
+            trips.feed_sent(command.data, command.host_time_ns)
+        update = trial.feed(chunk)
+        trial.feed_round_trips(_round_trips(update.items, trips, now_ns))
+        for row in update.cycles:
             screen.cycle(row)
         while waiting and not waiting[0].time_s > trial.newest_s:
             desk.repeat(waiting.popleft())
@@ -107,3 +134,10 @@ def play(
             told_ns = now_ns
             screen.update(picture())
     return None
+
+
+def _round_trips(items: list[StreamItem], trips: RecordedRoundTrips, now_ns: int) -> Iterator[RoundTrip]:
+    for item in items:
+        sent_ns = trips.sent_ns(item, now_ns) if isinstance(item, TimeReply) else None
+        if isinstance(item, TimeReply) and sent_ns is not None:
+            yield RoundTrip(sent_ns, item.receive_uptime_us, item.transmit_uptime_us, now_ns)

@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
         Not a recording.
     """
     from analysis.series import AnalysisError
-    from host.capture.playback import play, recorded_actions
+    from host.capture.playback import play, recorded_actions, recorded_commands
     from host.capture.run import difference_line, finished_state
     from host.errors import FileError
     from host.recording.recorded_trial import load_trial
@@ -46,10 +46,10 @@ def run(args: argparse.Namespace) -> int:
 
     with ReplayTransport(args.file, args.speed) as transport, StopSignals() as signals:
         screen = open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, plain_lines=args.plain))
-        actions = recorded_actions(args.file)
+        then = recorded_actions(args.file), recorded_commands(args.file)
         screen.start()
         try:
-            live = play(transport, Trial("rotdrift replay"), screen, signals.stop, args.speed, actions)
+            live = play(transport, Trial("rotdrift replay"), screen, signals.stop, args.speed, *then)
             score = score_trial(load_trial(args.file))
             if live is not None:
                 screen.update(finished_state(live, score))

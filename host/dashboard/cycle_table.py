@@ -68,14 +68,13 @@ def cycle_table(state: TrialState, look: Look, width: int, height: int) -> Lines
 def _line(row: CycleRow, longest_deg: float, columns: _Columns, look: Look, width: int) -> Text:
     odd = "quiet" if row.excluded else "doubtful" if row.flags else "plain"
     share = 1.0 if longest_deg <= 0 else min(1.0, (row.step_deg or 0.0) / longest_deg)
-    cells = max(1, round(share * columns.bar)) if row.step_deg else 0
+    bar = _bar(share, columns.bar, bool(row.excluded), look) if row.step_deg else ""
     number = str(row.number) if row.number else "start"
     period = "" if row.period_s is None else f"{row.period_s:.3f} s"
-    sign = ("x" if look.ascii_only else "┄") if row.excluded else "━"
     parts: list[Part] = [
         (f"{number:>6}{row.time_s:>8.2f} s{period:>9}", "quiet" if row.excluded else "plain"),
         (f"{_angle(row.step_deg, look):>9} ", odd),
-        (f"{sign * cells:{columns.bar}}", odd if odd != "plain" else "accent"),
+        (f"{bar:{columns.bar}}", odd if odd != "plain" else "accent"),
     ]
     if columns.theta:
         parts.append(f"{_angle(row.theta_bar_deg, look):>{_THETA}}")
@@ -87,6 +86,15 @@ def _line(row: CycleRow, longest_deg: float, columns: _Columns, look: Look, widt
         if not note or line.cell_len + axis.cell_len + 1 + cell_len(look.words(note)) <= width:  # a note goes before
             line.append_text(axis)
     return line.append_text(look.join((f" {note}" if note else "", "doubtful")))
+
+
+def _bar(share: float, cells: int, dashed: bool, look: Look) -> str:
+    """Draw a share of so many cells, to half a cell where there are characters for it; never nothing."""
+    if dashed or look.ascii_only:
+        sign = ("x" if dashed else "=") if look.ascii_only else "┄"
+        return sign * max(1, round(share * cells))
+    whole, half = divmod(max(1, round(2 * share * cells)), 2)
+    return "━" * whole + "╸" * half
 
 
 def _angle(angle_deg: float | None, look: Look) -> str:

@@ -125,7 +125,7 @@ def sphere_plot(state: TrialState, look: Look, width: int, height: int) -> Lines
     pad = max(0, (width - canvas.cells_wide) // 2)
     lines = [Text(" " * pad, end="").append_text(line) for line in canvas.lines()]
     if legend:
-        lines.append(look.text("letters: now · dots: before", "quiet"))
+        lines.append(look.text("letter: now · dots: past", "quiet"))
     return block(lines, width, height, look)
 
 

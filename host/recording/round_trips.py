@@ -40,9 +40,13 @@ class RecordedRoundTrips:
 
     def feed(self, reply: TimeReply, received_ns: int) -> None:
         """Take an answer, and when the chunk was received that completed it."""
-        sent_ns = max((at_ns for at_ns in self._sent_ns[reply.command_id] if at_ns <= received_ns), default=None)
+        sent_ns = self.sent_ns(reply, received_ns)
         if sent_ns is not None and len(self._found) < MAX_ROUND_TRIPS:
             self._found.append((sent_ns, reply.receive_uptime_us, reply.transmit_uptime_us, received_ns))
+
+    def sent_ns(self, reply: TimeReply, received_ns: int) -> int | None:
+        """When the request was sent that a reply answers; None where there is none."""
+        return max((at_ns for at_ns in self._sent_ns[reply.command_id] if at_ns <= received_ns), default=None)
 
     def feed_frames(self, parts: list[AnyChunk], items: Iterable[StreamItem]) -> None:
         """Take chunks of CAN frames that were decoded together, and what they gave; each frame has its own time."""

@@ -150,6 +150,7 @@ def test_a_guided_trial_up_to_an_interval_then_a_key(tmp_path):
     assert terminal.finish() == 0
     assert "rotdrift replay" in terminal.raw
     assert "theta" in terminal.raw
+    assert "offset +-" in terminal.raw  # bounded by the round trips of then
     assert "differs by" in terminal.after
 
 
