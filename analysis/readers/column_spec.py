@@ -46,6 +46,7 @@ EULER = ("e1", "e2", "e3")
 POSITION = ("px", "py", "pz")
 ACCELERATION = ("ax", "ay", "az")
 _COLUMN_KEYS = ("t", *QUATERNION, *EULER, *POSITION, *ACCELERATION)
+_SAYS_OF = {"time": "t", "angle": "e1", "euler": "e1", "length": "px", "accel": "ax", "product": "qw"}
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,9 @@ def _check(columns: dict[str, str], settings: dict[str, str]) -> None:
         optional = group in (POSITION, ACCELERATION)
         if missing and not (optional and len(missing) == len(group)):
             raise ReaderError(f"--columns: {', '.join(missing)} missing")
+    for key, column in _SAYS_OF.items():
+        if key in settings and column not in columns:
+            raise ReaderError(f"--columns: {key}={plain(settings[key])} says something of {column}, which is not there")
     if with_euler:
         kind, _, order = settings.get("euler", "").partition("-")
         axes = "".join(order.split("-"))
@@ -228,5 +232,5 @@ def orientations(spec: ColumnSpec, values: FloatArray) -> FloatArray:
         quats = from_euler(values * ANGLE_UNITS[spec.angle], order, intrinsic=kind == "intrinsic")
     else:
         quats = values
-    conjugated = (spec.product == "jpl" and not spec.euler) != (spec.maps == "world-to-body")
+    conjugated = (spec.product == "jpl") != (spec.maps == "world-to-body")
     return rotations.conjugate(quats) if conjugated else quats

@@ -81,6 +81,39 @@ def test_any_declaration(text):
             raise
 
 
+COLUMNS = ["t", "qw", "qx", "qy", "qz", "e1", "e2", "e3", "px", "py", "pz", "ax", "ay", "az"]
+SETTINGS = {
+    "time": ["s", "ns"],
+    "angle": ["deg", "rad"],
+    "euler": ["intrinsic-zyx", "extrinsic-xyx", "intrinsic-zz", "zyx"],
+    "length": ["inch"],
+    "accel": ["g"],
+    "product": ["jpl", "hamilton"],
+    "maps": ["world-to-body", "body-to-world"],
+}
+WHOLE = [set(COLUMNS[:5]), set(COLUMNS[1:5]), {"t", "e1", "e2", "e3"}, set(COLUMNS[:5]) | {"px", "py", "pz"}]
+
+
+@in_one_folder
+@given(
+    st.one_of(st.sampled_from(WHOLE), st.sets(st.sampled_from(COLUMNS))),
+    st.fixed_dictionaries({}, optional={key: st.sampled_from(values) for key, values in SETTINGS.items()}),
+)
+def test_any_declaration_of_known_words(tmp_path, columns, settings):
+    path = tmp_path / "a.csv"
+    if not path.exists():
+        files.named(path, "time,w,x,y,z", n=12)
+    names = {"t": "time", **{key: "wxyz"[k % 4] for k, key in enumerate(COLUMNS[1:])}}
+    text = ",".join(f"{key}={value}" for key, value in ({c: names[c] for c in sorted(columns)} | settings).items())
+    try:
+        series = read_series(path, columns=text, rate_hz=100.0)
+    except AnalysisError as error:
+        if not one_sentence(error):
+            raise
+    else:
+        assert len(series) == 12
+
+
 @in_one_folder
 @given(st.one_of(st.binary(max_size=200), CELLS.map(lambda cells: b"row,reason\n" + cells)))
 def test_any_list_of_end_points(tmp_path, content):

@@ -151,6 +151,20 @@ def test_one_wild_time_stamp_costs_one_row(tmp_path):
     assert any("goes backwards 1 times, first at row 31" in note for note in series.notes)
 
 
+def test_a_repeated_time_stamp_beside_a_backward_one_is_set_aside_too(tmp_path):
+    times = np.arange(100) / 100.0
+    times[30], times[60] = 1e6, times[59]
+    series = read_series(quaternion_file(tmp_path / "a.csv", times))
+    assert len(series) == 98
+    assert set(series.set_aside.index.tolist()) <= {30, 59, 60}
+
+
+def test_stamps_a_nanosecond_apart_are_kept(tmp_path):
+    times = np.arange(100) / 100.0
+    times[30], times[60] = 1e6, times[59] + 1e-9
+    assert len(read_series(quaternion_file(tmp_path / "a.csv", times))) == 99
+
+
 def test_swapped_rows(tmp_path):
     times = np.arange(100) / 100.0
     times[[40, 41]] = times[[41, 40]]

@@ -138,14 +138,15 @@ def test_columns_by_number_without_header(tmp_path):
 
 @pytest.mark.parametrize("kind", ["intrinsic", "extrinsic"])
 @pytest.mark.parametrize("order", ["zyx", "xyz", "zxz"])
-@pytest.mark.parametrize("unit", ["deg", "rad"])
-def test_declared_euler_angles(tmp_path, kind, order, unit):
+@pytest.mark.parametrize(("unit", "maps"), [("deg", "body-to-world"), ("rad", "world-to-body")])
+def test_declared_euler_angles(tmp_path, kind, order, unit, maps):
     times, poses, _ = files.motion()
     poses = Rotation.from_rotvec([0.1, 0.9, 0.2]) * poses  # away from the poles of every order
-    angles = poses.as_euler(order.upper() if kind == "intrinsic" else order, degrees=unit == "deg")
+    declared = poses if maps == "body-to-world" else poses.inv()
+    angles = declared.as_euler(order.upper() if kind == "intrinsic" else order, degrees=unit == "deg")
     path = tmp_path / "a.csv"
     path.write_text(files.rows_text(np.column_stack((times, angles)), "ts,a,b,c"))
-    series = read_series(path, columns=f"t=ts,e1=a,e2=b,e3=c,euler={kind}-{order},angle={unit}")
+    series = read_series(path, columns=f"t=ts,e1=a,e2=b,e3=c,euler={kind}-{order},angle={unit},maps={maps}")
     assert_poses(series, poses)
     assert f"Euler {kind} {'-'.join(order)}" in series.convention
 
@@ -213,6 +214,12 @@ def test_world_to_body_and_jpl(tmp_path):
         ("qw", "not key=value"),
         ("qw=w,qx=x,qy=y,qz=z,time=h", "time=h is not one of s, ms, us, ns"),
         ("qw=w,qx=x,qy=y,qz=z,product=jpl", "needs maps="),
+        ("qw=w,qx=x,qy=y,qz=z,euler=intrinsic-zyx", "euler=intrinsic-zyx says something of e1, which is not there"),
+        ("qw=w,qx=x,qy=y,qz=z,angle=deg", "of e1, which is not there"),
+        ("qw=w,qx=x,qy=y,qz=z,length=mm", "of px, which is not there"),
+        ("qw=w,qx=x,qy=y,qz=z,accel=g", "of ax, which is not there"),
+        ("qw=w,qx=x,qy=y,qz=z,time=ms", "of t, which is not there"),
+        ("e1=w,e2=x,e3=y,euler=intrinsic-zyx,angle=deg,product=jpl", "of qw, which is not there"),
         ("e1=w,e2=x,e3=y", "need euler="),
         ("e1=w,e2=x,e3=y,euler=zyx,angle=deg", "need euler="),
         ("e1=w,e2=x,e3=y,euler=intrinsic-zzx,angle=deg", "need euler="),
