@@ -189,6 +189,13 @@ class TrialScore:
 
         return score_to_json(self)
 
+    def __repr__(self) -> str:
+        """One line for an interactive session; every attribute printed would fill pages."""
+        if self.theta_bar_deg is None:
+            return f"TrialScore(no score: {'; '.join(self.reasons)})"
+        ends = "" if self.interval_deg is None else " ({:.3f} … {:.3f})".format(*self.interval_deg)
+        return f"TrialScore(θ̄ = {self.theta_bar_deg:.3f}°{ends}, {len(self.endpoints)} end points)"
+
     def _repr_html_(self) -> str:
         """Show the result in a notebook."""
         from analysis.reporting.library import result_html  # drawing is not needed to score

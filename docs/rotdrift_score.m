@@ -54,6 +54,9 @@ function q = read_quaternions(file)
     error('rotdrift_score:file', 'cannot open %s', file);
   end
   header = strsplit(strtrim(fgetl(handle)), ',');
+  if ~any(strcmp(header, 'endpoint'))
+    warning('rotdrift_score:samples', '%s has no column endpoint: are these end points, not samples?', file);
+  end
   columns = zeros(1, 4);
   names = {'qw', 'qx', 'qy', 'qz'};
   for k = 1:4

@@ -33,6 +33,8 @@ AXIS_MARKERS = ("o", "^", "s")
 FORMATS = ("png", "svg", "pdf")
 PNG_DPI = 300
 """What journals ask for."""
+SCREEN_DPI = 150
+"""For notebooks."""
 
 _SETTINGS: Any = {
     "font.family": "DejaVu Sans",  # ships with matplotlib and has θ̄
@@ -72,7 +74,7 @@ class PaperFigure(Figure):
     """A figure that a notebook shows as it would be printed."""
 
     def _repr_png_(self) -> bytes:
-        return figure_bytes(self, "png")
+        return figure_bytes(self, "png", SCREEN_DPI)
 
 
 def new_figure(height_in: float, width_in: float = COLUMN_IN, layout: str = "constrained") -> PaperFigure:
@@ -192,7 +194,7 @@ def settle(figure: Figure) -> None:
         figure.set_layout_engine("none")
 
 
-def figure_bytes(figure: Figure, kind: str) -> bytes:
+def figure_bytes(figure: Figure, kind: str, dpi: int = PNG_DPI) -> bytes:
     """Draw a figure as a file; the same figure gives the same bytes.
 
     Parameters
@@ -201,6 +203,8 @@ def figure_bytes(figure: Figure, kind: str) -> bytes:
         Made by :func:`new_figure`.
     kind
         One of ``FORMATS``.
+    dpi
+        Pixels per inch, also of the clouds in SVG and PDF.
     """
     metadata: dict[str, dict[str, Any]] = {
         "png": {"Software": None},
@@ -210,5 +214,5 @@ def figure_bytes(figure: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
     with style():
         settle(figure)
-        figure.savefig(buffer, format=kind, metadata=metadata[kind], facecolor="white")
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata=metadata[kind], facecolor="white")
     return buffer.getvalue()

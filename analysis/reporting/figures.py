@@ -217,7 +217,7 @@ def _draw_sensitivity(figure: FigureBase, result: dict[str, Any]) -> None:
         ax.axvline(view.theta_bar_deg, color=look.VERMILION, lw=0.6, ls=":")
     ax.set_yticks(range(len(rows)), [row.label for row in rows])
     ax.invert_yaxis()
-    ax.set_xlim(left=0.0)
+    ax.set_xlim(0.0, 1.06 * max([row.high for row in rows], default=0.0) or 1.0)
     ax.spines["left"].set_visible(False)
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="x", color=look.LIGHT, lw=0.4)

@@ -12,6 +12,8 @@ from analysis.reporting.trial_report import TrialReport
 from analysis.series import OrientationSeries
 from analysis.trial_score import TrialScore
 
+_LEFT = "style='text-align:left'"
+
 
 def draw(result: TrialScore, series: OrientationSeries, name: str) -> look.PaperFigure:
     """Draw one figure; see :func:`analysis.plot`.
@@ -47,7 +49,7 @@ def result_html(result: dict[str, Any]) -> str:
         head = "no score: " + "; ".join(result.get("reasons") or [])
     rows = [("end points", str(view.n_endpoints), ""), *wording.trust_rows(trial)]
     cells = "".join(
-        f"<tr><th style='text-align:left'>{escape(label)}</th><td>{escape(value)}</td><td>{escape(why)}</td></tr>"
+        f"<tr><th {_LEFT}>{escape(label)}</th><td>{escape(value)}</td><td {_LEFT}>{escape(why)}</td></tr>"
         for label, value, why in rows
     )
     warnings = "".join(f"<li>{escape(str(warning))}</li>" for warning in result.get("warnings") or [])

@@ -21,7 +21,7 @@ WIDTH_IN = PAGE_IN[0] - 2 * MARGIN_IN
 WARNING, BAD, SCORE = "#8A5A00", "#B00020", "#9C4300"
 _LINE = 1.32  # line height over font size
 _CAPTION_IN = 0.12
-_MIN_PICTURES_IN = 4.8  # room for the tallest figure and its caption below the text, else they begin a page
+_MIN_PICTURES_IN = 6.0  # room for the tallest figure and its caption below the text, else they begin a page
 
 
 class PageSetter:
@@ -162,12 +162,11 @@ class PageSetter:
         self._image(image, MARGIN_IN, self._y, width_in, height)
         self._y -= height + 0.1
 
-    def pictures(self, figures: Sequence[NamedFigure]) -> None:
-        """Set figures in two columns, each with its caption, the next one in the shorter column."""
-        if self._y - MARGIN_IN < _MIN_PICTURES_IN:
-            self.feed()
-        else:
-            self._y -= 0.2
+    def pictures(self, title: str, figures: Sequence[NamedFigure]) -> None:
+        """Set figures in two columns under a heading, each with its caption, the next one in the shorter column."""
+        self.room(_MIN_PICTURES_IN)
+        self.heading(title)
+        self.gap(0.1)
         tops = [self._y, self._y]
         for figure in figures:
             image = imread(io.BytesIO(figure.files["png"]))

@@ -53,7 +53,10 @@ def report_pdf(
             if len(trials) > 1:
                 page.feed()
             _trial(page, trial)
-            page.pictures((drawn or {}).get(trial.id) or draw_figures(trial, ("png",)))
+            page.pictures(
+                "Recorded point clouds with end points, and figures",
+                (drawn or {}).get(trial.id) or draw_figures(trial, ("png",)),
+            )
         page.close()
     return buffer.getvalue()
 
@@ -75,7 +78,7 @@ def _overview(page: PageSetter, trials: Sequence[TrialReport], forest: dict[str,
             )
             for trial in trials
         ]
-        widths = (1.75, 1.2, 0.7, 0.7, 0.5, 1.0, 0.45, 0.75)
+        widths = (1.95, 1.25, 0.6, 0.6, 0.5, 1.0, 0.45, 0.7)
         page.table([head, *rows], widths, 6.5, head=True, colours={"no score": BAD})
         pooled = overview.pooled(trials)
         if any(row.n_trials > 1 for row in pooled):

@@ -22,7 +22,7 @@ def write_ros_bag(series: OrientationSeries, result: dict[str, Any] | None, path
     Raises
     ------
     WriterError
-        The extra is not installed, or times are before 1970.
+        The extra is not installed, times are before 1970, or the name is that of a ROS 1 bag.
     """
     del result
     try:
@@ -30,6 +30,10 @@ def write_ros_bag(series: OrientationSeries, result: dict[str, Any] | None, path
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise WriterError("ROS bags need rosbags: pip install 'rotdrift[ros]'") from error
+    if path.suffix.lower() == ".bag":
+        raise WriterError(
+            "a name in .bag means ROS 1, and readers would take it so; leave the ending off: a ROS 2 bag is a folder"
+        )
     if len(series) and series.times_s[0] < 0:
         raise WriterError("a ROS time cannot be negative")
     store = get_typestore(Stores.ROS2_HUMBLE)

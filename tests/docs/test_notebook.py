@@ -1,5 +1,6 @@
 """The notebook of the documentation runs, and gives what is printed in it."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,7 @@ def test_the_three_functions_of_the_library(tmp_path):
     series, result = scored(cycles=5, slip_deg=0.0)
     (tmp_path / "trial.csv").write_text(csv_text(series))
     loaded = analysis.load(tmp_path / "trial.csv")
+    assert re.fullmatch(r"TrialScore\(θ̄ = .{5}° \(.{5} … .{5}\), \d end points\)", repr(analysis.score(loaded)))
     assert analysis.score(loaded).theta_bar_deg == pytest.approx(result["theta_bar_deg"], abs=1e-9)
     assert analysis.plot(analysis.score(loaded), loaded, "steps")._repr_png_().startswith(b"\x89PNG")
     with pytest.raises(ValueError, match="there is no figure 'pie'"):
@@ -50,6 +52,7 @@ def test_the_three_functions_of_the_library(tmp_path):
 def test_a_result_without_score_shows_why_and_foreign_text_as_text():
     n = 500
     still = OrientationSeries(np.arange(n) / 100, np.tile([1.0, 0, 0, 0], (n, 1)), np.arange(n))
+    assert repr(analysis.score(still)).startswith("TrialScore(no score: ")
     shown = analysis.score(still)._repr_html_()
     assert shown.startswith("<b>no score: ")
     from analysis.reporting.library import result_html

@@ -76,6 +76,8 @@ def test_nothing_is_overwritten_and_needs_are_said(trial, tmp_path):
     assert (tmp_path / "there").read_text() == "mine"
     with pytest.raises(WriterError, match="need a score"):
         write_series(trial[0], tmp_path / "e.csv", "endpoints")
+    with pytest.raises(WriterError, match="ROS 1"):
+        write_series(trial[0], tmp_path / "trial.bag", "ros2")
 
 
 def test_texts_and_tables_are_the_same_every_time(trial):
@@ -108,6 +110,7 @@ def test_the_octave_script_agrees(tmp_path, drift_deg):
         [octave, "--no-gui", "--norc", "--eval", program], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 0, done.stderr
+    assert "are these end points" not in done.stderr
     numbers = [float(word) for word in done.stdout.split()]
     wanted = [result["theta_bar_deg"], *result["steps_deg"], *result["axis"]]
     np.testing.assert_allclose(numbers[:-3], wanted[:-3], rtol=0, atol=1e-9)
