@@ -74,9 +74,9 @@ class CycleSettings:
     max_rest_share: float = 0.35
     """Share of the time at rest, see ``max_rests``."""
     pure_axis_share: float = 0.9
-    """Motion about one axis as much as this, and as alike as ``sure_likeness``, is never grasp-and-release."""
+    """Motion about one axis as much as this is never grasp-and-release."""
     sure_likeness: float = 0.9
-    """Likeness of cycles, see ``pure_axis_share``."""
+    """Cycles as alike as this are scored at any tempo; with many rests, they are only warned of."""
     max_advance: float = 0.6
     """Net turn per cycle as a share of the range of motion above which the motion is one-way."""
     min_endpoints: int = 3

@@ -73,13 +73,15 @@ def with_verdict(
         likeness=likeness(motion.smoothed(period.seconds / 40.0), times_s) if len(points) >= 3 else 0.0,
         irregularity=irregularity(times_s, prominence) if len(points) >= 3 else 0.0,
     )
-    let_go = _grasp_and_release(result, motion)
-    reasons = _reasons(result, motion, turning, any_tempo=any_tempo) + (
-        [f"looks like grasp-and-release: {let_go}"] if let_go else []
-    )
+    reasons = _reasons(result, motion, turning, any_tempo=any_tempo)
     warnings = _warnings(result, period)
-    if let_go:
+    let_go = _grasp_and_release(result, motion)
+    one_motion = result.likeness > result.settings.sure_likeness and result.axis_share >= result.settings.min_axis_share
+    if let_go and not one_motion:
+        reasons.append(f"looks like grasp-and-release: {let_go}")
         warnings.append("looks like grasp-and-release trials: no drift can be claimed")
+    elif let_go:  # a hand that sticks and slips rests as often
+        warnings.append(f"was the object let go? {let_go}, as in grasp-and-release trials")
     noise_deg = float(np.degrees(samples.noise_rad))
     if noise_deg > result.settings.max_noise * result.swing_deg:
         warnings.append(f"noise of {noise_deg:.2g}° per sample is large for a swing of {result.swing_deg:.3g}°")
@@ -93,7 +95,7 @@ def with_verdict(
 def _grasp_and_release(result: CycleAnalysis, motion: Motion) -> str:
     """Say what shows that the object is let go and taken up again; empty where nothing does."""
     settings, points = result.settings, result.endpoints
-    if len(points) < 3 or (result.axis_share > settings.pure_axis_share and result.likeness > settings.sure_likeness):
+    if len(points) < 3 or result.axis_share > settings.pure_axis_share:
         return ""
     first, last = (round((p.time_s - motion.start_s) * motion.rate_hz) for p in (points[0], points[-1]))
     number, share = rests(motion.part(first, last), result.period_s)

@@ -30,6 +30,8 @@ _RING = 4096  # moments remembered: 10 periods, or 40 s before the period is kno
 _KEPT = 12  # end points remembered for the live view
 _MIN_RETREAT_RAD = math.radians(1.0)
 _NOISE_RETREAT = 8.0
+_FIRST_RETREAT = 0.25  # of the way to the first extreme: beyond its dwell
+_MAX_WRIGGLE = 6  # so many extremes at the beginning may be movement before the first cycle
 _NOISE_TRAVEL = 12.0  # of the first extreme: hours of rest before a trial must not make one
 _MAX_GAP_PERIODS = 0.25
 _MAX_GAP_S = 0.5  # before the period is known
@@ -60,6 +62,7 @@ class OnlineCycleDetector:
         self._runs = 0
         self._top_speed = 0.0
         self._gap_flag = False
+        self._first_rad: float | None = None
         self._rising: bool | None = None
         self._high = self._low = self._turn = AnglePoint(0.0, 0.0, (1.0, 0.0, 0.0, 0.0), 0)
         self._humps = (HumpFilter(-1.0), HumpFilter(1.0))
@@ -192,11 +195,13 @@ class OnlineCycleDetector:
     def _retreat_rad(self, extreme: AnglePoint, now_s: float) -> float:
         """How far the angle must go back before an extreme counts.
 
-        Where nothing turned for long, less is asked for, down to a third: a large first movement, that of putting
-        the object in place, must not hide the smaller cycles after it.
+        A large first movement, that of putting the object in place, must not hide the smaller cycles after it: it
+        ends as soon as its dwell is over. Where nothing turned for long, less is asked for, down to a third.
         """
         travel = abs(extreme.angle_rad - self._turn.angle_rad)
-        usual = median(self._swings) if len(self._swings) > 1 else travel
+        if self._first_rad is None:
+            return max(_MIN_RETREAT_RAD, _NOISE_RETREAT * self._angle.noise_rad, _FIRST_RETREAT * travel)
+        usual = median(self._swings) if self._swings else travel
         patience_s = max(1.5 * self.period_s, 0.0 if self._spacings else _PATIENCE_S)
         late = (now_s - extreme.time_s) / patience_s
         share = self._settings.hysteresis * (1.0 if late < 1.0 else max(0.5 ** (late - 1.0), 1.0 / 3.0))
@@ -224,7 +229,7 @@ class OnlineCycleDetector:
         self._rising = not upper
         self._turn = extreme
         self._high = self._low = now
-        if not self._swings and travel < max(_MIN_RETREAT_RAD, _NOISE_TRAVEL * self._angle.noise_rad):
+        if self._first_rad is None and travel < max(_MIN_RETREAT_RAD, _NOISE_TRAVEL * self._angle.noise_rad):
             return []  # the start pose itself
         endpoint, put_in_place = place_endpoint(
             [point for point in self._ring if point.time_s >= start.time_s],
@@ -233,17 +238,21 @@ class OnlineCycleDetector:
             period_s=self.period_s,
             settings=self._settings,
         )
-        if not self._swings and put_in_place:
+        if self._first_rad is None and put_in_place:
             return []  # moved here, then held: this is the start pose
-        if len(self._swings) == 1 and self._swings[0] < self._settings.hysteresis * travel:
+        before = (self._first_rad or 0.0, *self._swings)
+        if len(before) < _MAX_WRIGGLE and 0.0 < max(before) < self._settings.hysteresis * travel:
             self._start_over()  # what came before was a wriggle before the first cycle
         if self._swings and not self._settings.swing[0] <= travel / median(self._swings) <= self._settings.swing[1]:
             endpoint = replace(endpoint, flags=(*endpoint.flags, "odd swing"))
-        self._swings.append(travel)
+        if self._first_rad is None:
+            self._first_rad = travel  # no swing: the way to the first extreme begins anywhere
+        else:
+            self._swings.append(travel)
         self._gap_flag = False
         if self._primary is None:
             self._primary = upper
-        passed, anew = self._humps[upper].add(endpoint, extreme.angle_rad, median(self._swings))
+        passed, anew = self._humps[upper].add(endpoint, extreme.angle_rad, median(self._swings or [travel]))
         if anew:
             self._start_over(upper)
         passed = [self._learned(point, upper) for point in passed]

@@ -51,6 +51,13 @@ def two_humps(phase: FloatArray) -> FloatArray:
     return values[k] + (values[k + 1] - values[k]) * (0.5 - 0.5 * np.cos(np.pi * inside))
 
 
+def staircase(phase: FloatArray) -> FloatArray:
+    """Up in nine quick steps with rests between them, and down in nine: a hand that sticks and slips."""
+    height = 9.0 * (1.0 - 2.0 * np.abs((phase % 1.0) - 0.5))
+    step = np.floor(height)
+    return (step + 0.5 - 0.5 * np.cos(np.pi * np.clip((height - step - 0.4) / 0.2, 0.0, 1.0))) / 9.0
+
+
 @dataclass(frozen=True)
 class Trial:
     """A simulated trial and its truth: one end point per cycle, at the far extreme (phase 0.5)."""

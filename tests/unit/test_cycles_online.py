@@ -106,6 +106,19 @@ def test_a_wriggle_before_the_first_cycle_is_withdrawn():
     assert [point.time_s for point, _ in known] == pytest.approx(trial.endpoint_s, abs=0.05)
 
 
+@pytest.mark.parametrize("hold_s", [0.3, 1.5])
+def test_putting_the_object_in_place_does_not_hide_smaller_cycles(hold_s):
+    """Moved by more than twice the swing: the cycles after it are known as soon as any others."""
+    ramp = np.minimum(np.arange(100 + round(100 * hold_s)) / 100.0, 1.0)
+    t = np.arange(2400) / 100.0
+    angle = np.concatenate((45.0 * ramp, 45.0 - 9.0 * (1.0 - np.cos(2.0 * np.pi * t / 4.0))))
+    _, known = follow(from_rotation_vectors(np.radians(angle)[:, None] * [0.0, 0.6, 0.8]), chunk=1)
+    first_s = 1.0 + hold_s + 4.0
+    cycles = [(point.time_s, at_s) for point, at_s in known if point.time_s > first_s - 1.0]
+    assert [time_s for time_s, _ in cycles] == pytest.approx(first_s + 4.0 * np.arange(5), abs=0.05)
+    assert max(at_s - time_s for time_s, at_s in cycles) < 0.4 * 4.0
+
+
 def test_of_several_humps_the_highest_ends_the_cycle():
     trial = simulate(two_humps, cycles=12)
     detector, known = follow(trial.series)

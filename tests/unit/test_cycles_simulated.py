@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from analysis.cycles import CycleAnalysis, find_cycles
 from analysis.series import OrientationSeries
@@ -16,6 +17,7 @@ from tests.simulated_motion import (
     from_rotation_vectors,
     sawtooth,
     simulate,
+    staircase,
     theta_bar_deg,
     trapezoid,
     triangle,
@@ -51,6 +53,32 @@ def test_of_several_humps_one_ends_the_cycle(period_s):
     assert found.period_s == pytest.approx(period_s, rel=1e-3)
     assert [point.time_s for point in found.endpoints] == pytest.approx(trial.endpoint_s, abs=0.03 * period_s)
     assert theta(found) == pytest.approx(0.8, abs=0.005)
+
+
+@pytest.mark.parametrize("period_s", [4.0, 15.0])
+@pytest.mark.parametrize("wobble_deg", [0.0, 15.0])
+def test_steps_of_a_stroke_are_no_cycles(period_s, wobble_deg):
+    """A hand that sticks and slips: what repeats most often never comes back. Its many rests alone refuse nothing."""
+    trial = simulate(staircase, period_s=period_s, wobble_deg=wobble_deg)
+    found = find_cycles(trial.series)
+    assert found.valid, found.reasons
+    assert found.period_s == pytest.approx(period_s, rel=1e-3)
+    assert [point.time_s for point in found.endpoints] == pytest.approx(trial.endpoint_s, abs=0.03 * period_s)
+    assert all("let go" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("at_endpoints", [False, True])
+def test_lone_outliers_of_a_tracker_do_not_reach_the_score(at_endpoints):
+    trial = simulate(swing_deg=6.0, noise_deg=0.02)
+    rng = np.random.default_rng(0)
+    rows = np.searchsorted(trial.series.times_s, trial.endpoint_s) if at_endpoints else rng.integers(9, 4500, 15)
+    quats = trial.series.quats_wxyz.copy()
+    wrong = Rotation.from_rotvec(np.radians(12.0) * rng.normal(size=(len(rows), 3)))
+    quats[rows] = (wrong * Rotation.from_quat(quats[rows], scalar_first=True)).as_quat(scalar_first=True)
+    found = find_cycles(OrientationSeries(trial.series.times_s, quats, trial.series.index))
+    assert found.valid, found.reasons
+    assert theta(found) == pytest.approx(theta(find_cycles(trial.series)), abs=0.01)
+    assert found.warnings == (f"{len(set(rows.tolist()))} samples stand apart from both their neighbours: set aside",)
 
 
 def test_humps_are_found_though_drift_turns_the_axis_round():
