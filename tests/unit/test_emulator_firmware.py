@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -190,6 +191,35 @@ def test_calibrate_is_refused_while_streaming_and_while_moving(bench):
     assert bench.tell(p.Calibrate(2))[0].code is p.AckCode.WRONG_STATE
     bench.wait(3.0).tell(p.Stop(3))
     assert bench.tell(p.Calibrate(4))[0].code is p.AckCode.NOT_STILL  # the hand turns it
+
+
+def answers_by_state():
+    """The table of docs/protocol.md: command, state, answers."""
+    page = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
+    head, _, *rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in page.split("### Commands and states\n")[1].split("\n\nSTART while")[0].splitlines()
+        if line.startswith("|")
+    ]
+    return [(row[0], state, answer) for row in rows for state, answer in zip(head[1:], row[1:], strict=True)]
+
+
+@pytest.mark.parametrize(("command", "state", "answer"), answers_by_state())
+def test_answers_in_each_state_are_those_of_the_protocol(bench, command, state, answer):
+    if state != "IDLE":
+        bench.tell({"STREAMING": p.Start(1), "CALIBRATING": p.Calibrate(1)}[state])
+    commands = {
+        "GET_INFO": p.GetInfo(2),
+        "START": p.Start(2),
+        "STOP": p.Stop(2),
+        "SET_RATE": p.SetRate(2, 50),
+        "IDENTIFY": p.Identify(2),
+        "CALIBRATE": p.Calibrate(2),
+        "MARK": p.Mark(2),
+    }
+    (ack,) = (packet for packet in bench.tell(commands[command]) if isinstance(packet, p.Ack))
+    assert (ack.command_id, ack.code.name) == (2, answer.split(",")[0])
+    assert set(commands) | {"TIME_REQUEST"} == {kind.name for kind in p.PacketType if kind >= 0x80}
 
 
 def test_a_calibration_during_which_the_object_moves_fails():
