@@ -10,6 +10,7 @@ Irregular cycles inside a trial are kept and flagged, never dropped: a slip is w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,6 +49,7 @@ def find_cycles(
     series: OrientationSeries,
     settings: CycleSettings = _DEFAULTS,
     window: tuple[float, float] | None = None,
+    like_s: Sequence[float] = (),
 ) -> CycleAnalysis:
     """Find the end points of a periodic motion, or say why there are none to score.
 
@@ -60,6 +62,8 @@ def find_cycles(
     window
         (from, to) in the time of the series, s: end points whose dwell touches it are taken, all of them, and the
         period comes from this part alone. None finds the window: from the first to the last regular cycle.
+    like_s
+        Times of end points: the extreme that they lie at is the primary one, however many each has.
 
     Returns
     -------
@@ -72,17 +76,17 @@ def find_cycles(
     )
     if motion is None:
         return replace(nothing, reasons=(f"too short: {len(series)} samples",))
-    result = _find(nothing, motion, samples)
+    result = _find(nothing, motion, samples, like_s)
     if not result.valid:
         # Putting the object in place or dropping it may turn it further than all cycles, which then looked idle.
         slower = motion.with_moving_share(settings.moving_share, path_share=settings.slow_path_share, percentile=50.0)
         if slower.threshold < 0.5 * motion.threshold:
-            again = _find(nothing, slower, samples)
+            again = _find(nothing, slower, samples, like_s)
             return again if again.valid else result
     return result
 
 
-def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples) -> CycleAnalysis:
+def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples, like_s: Sequence[float]) -> CycleAnalysis:
     """Search the part of a recording in which the object moves."""
     settings, window = nothing.settings, nothing.window
     first, last = _active(motion, window)
@@ -103,7 +107,7 @@ def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples) -> CycleAnal
     if window is not None:  # the travel to the first and from the last end point may lie outside the window
         margin = int(period.seconds * motion.rate_hz)
         first, last = first - margin, last + margin
-    result = _with_endpoints(nothing, samples, motion.part(first, last), period, smooth_s)
+    result = _with_endpoints(nothing, samples, motion.part(first, last), period, smooth_s, like_s)
     return refused if refused.reasons and not result.valid else result
 
 
@@ -116,7 +120,12 @@ def _active(motion: Motion, window: tuple[float, float] | None) -> tuple[int, in
 
 
 def _with_endpoints(
-    nothing: CycleAnalysis, samples: Samples, motion: Motion, period: Period, smooth_s: float
+    nothing: CycleAnalysis,
+    samples: Samples,
+    motion: Motion,
+    period: Period,
+    smooth_s: float,
+    like_s: Sequence[float],
 ) -> CycleAnalysis:
     settings = nothing.settings
     turning = motion_axis(
@@ -156,7 +165,12 @@ def _with_endpoints(
         )
         candidates.append(_candidate(extremes, period, nothing.window, settings))
     primary, other = sorted(
-        candidates, key=lambda c: (-len(c.endpoints), c.endpoints[0].time_s if c.endpoints else np.inf)
+        candidates,
+        key=lambda c: (
+            -_alike(c.endpoints, like_s, 0.25 * period.seconds),
+            -len(c.endpoints),
+            c.endpoints[0].time_s if c.endpoints else np.inf,
+        ),
     )
     left_out = [replace(item, primary=True) for item in primary.left_out] + list(other.left_out)
     result = replace(
@@ -168,6 +182,16 @@ def _with_endpoints(
         humps=humps,
     )
     return with_verdict(result, motion, turning, samples, period)
+
+
+def _alike(endpoints: Sequence[Endpoint], like_s: Sequence[float], within_s: float) -> int:
+    """Count the end points that lie at given times."""
+    if not like_s or not endpoints:
+        return 0
+    times_s, like = np.array([point.time_s for point in endpoints]), np.sort(like_s)
+    at = np.searchsorted(like, times_s)
+    before, after = like[(at - 1).clip(0)], like[at.clip(max=len(like) - 1)]
+    return int(np.sum(np.minimum(np.abs(times_s - before), np.abs(times_s - after)) < within_s))
 
 
 def _turning_points(

@@ -55,6 +55,7 @@ def score_series(
     as_published: bool = False,
     preceding: Sequence[npt.ArrayLike] = (),
     excluded: Sequence[ExcludedCycle] = (),
+    same_extreme: bool = False,
 ) -> TrialScore:
     """Score a recording by the card, with everything a reviewer would ask about it.
 
@@ -79,6 +80,9 @@ def score_series(
         End points (m, 4) of the motions that the authors' script worked through before this one.
     excluded
         Cycles that a person left out: the step in which the middle of each lies is kept and flagged, but not counted.
+    same_extreme
+        In a window, stay at the extreme that the search takes in the whole recording. Without it the one with more end
+        points in the window is taken.
 
     Returns
     -------
@@ -94,7 +98,7 @@ def score_series(
     if endpoints is not None:
         selection = _edited(series, as_choice(endpoints, series.index_kind), chosen)
     else:
-        selection = _searched(series, window, chosen)
+        selection = _searched(series, window, chosen, same_extreme)
     points = selection.endpoints
     reasons = list(selection.reasons)
     points, left_out, not_found = _exclude(points, excluded)
@@ -131,12 +135,16 @@ def score_series(
 
 
 def _searched(
-    series: OrientationSeries, window: tuple[float | None, float | None] | None, settings: CycleSettings
+    series: OrientationSeries,
+    window: tuple[float | None, float | None] | None,
+    settings: CycleSettings,
+    same_extreme: bool,
 ) -> _Selection:
     """Take the end points that the search finds, in the whole recording or in a window."""
     own = None if window is None else _own_time(series, window)
-    cycles = find_cycles(series, settings, own)
     automatic = None if own is None else find_cycles(series, settings)
+    like_s = [point.time_s for point in automatic.endpoints] if same_extreme and automatic is not None else []
+    cycles = find_cycles(series, settings, own, like_s)
     points = tuple(_scored(point) for point in cycles.endpoints)
     edges = own if own is not None else ((points[0].time_s, points[-1].time_s) if points else (None, None))
     reasons = cycles.reasons

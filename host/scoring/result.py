@@ -74,7 +74,7 @@ def score_trial(
     if honoured:
         options = replace(options, window=edits.window)
     score = score_plain(
-        trial.series, options, trial.losses.to_json(), edits.excluded if options.endpoints is None else ()
+        trial.series, options, trial.losses.to_json(), edits.excluded if options.endpoints is None else (), honoured
     )
     if honoured:
         score = replace(score, window=replace(score.window, source="the operator, during the capture"))
@@ -112,8 +112,11 @@ def score_plain(
     options: ScoreOptions | None = None,
     losses: dict[str, Any] | None = None,
     excluded: tuple[ExcludedCycle, ...] = (),
+    same_extreme: bool = False,
 ) -> TrialScore:
     """Score a series as the options say; ``excluded`` cycles are kept but not counted.
+
+    With ``same_extreme`` a window stays at the extreme of the whole recording: the one that the live view counted at.
 
     Raises
     ------
@@ -135,6 +138,7 @@ def score_plain(
         as_published=options.as_published,
         preceding=options.preceding,
         excluded=excluded,
+        same_extreme=same_extreme,
     )
     return replace(score, extra={**score.extra, "rotdrift_version": VERSION})
 

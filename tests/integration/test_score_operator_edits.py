@@ -49,3 +49,28 @@ def test_edits_are_honoured_by_default_and_can_be_looked_behind(recordings):
 def test_ignoring_what_was_not_done_says_nothing(recordings):
     result = json.loads(rotdrift("score", recordings[0], "--ignore-actions", "--json").stdout)
     assert not any("as asked" in warning for warning in result["warnings"])
+
+
+def test_a_window_stays_at_the_extreme_that_the_operator_saw_counted(tmp_path):
+    """It holds one end point more of the other extreme, which ``--from`` and ``--to`` alone would take."""
+    chunks, _ = virtual_chunks(scenario("default", motion={"cycles": 10, "period_s": 2.0}))
+    plain = json.loads(rotdrift("score", write_recording(tmp_path / "plain.mcap", chunks), "--json").stdout)
+    counted = [point["time_s"] for point in plain["endpoints"]]
+    start, stop = counted[2] - 1.2, counted[6] + 1.2  # half a period on either side lies the other extreme
+    path = tmp_path / "edited.mcap"
+    writer = RecordingWriter(path, "memory:", WALL_NS, MONOTONIC_NS)
+    for chunk in chunks:
+        writer.add_received(chunk)
+    cycle = (counted[3], counted[4])
+    for action in (
+        OperatorAction(WINDOW_START, start),
+        OperatorAction(EXCLUDE, counted[4], "slipped", *cycle),
+        OperatorAction(WINDOW_STOP, stop),
+    ):
+        writer.add_values(fmt.ACTION, action.values(), chunks[-1].host_time_ns)
+    writer.close()
+    edited = json.loads(rotdrift("score", path, "--json").stdout)
+    assert [point["time_s"] for point in edited["endpoints"]] == pytest.approx(counted[2:7], abs=0.05)
+    assert [item["step"] for item in edited["excluded_cycles"]] == [1]
+    given = json.loads(rotdrift("score", path, "--from", start, "--to", stop, "--json").stdout)
+    assert len(given["endpoints"]) == 6
