@@ -25,6 +25,8 @@ ADVISED_DURATION_S = 60.0
 """From here on the rate is good to a few hundredths of a degree a minute with usual parts."""
 MAX_RATE_DEG_PER_MIN = 30.0
 """Faster than this it is the object that turns, not the sensor's heading."""
+MAX_GAP_SHARE = 0.5
+"""A gap of more than this share of the time makes no baseline."""
 MIN_ALLAN_S = 60.0
 """A shorter rest makes no Allan figure."""
 _MOVE_DEG = 0.1  # a step of this size between one-second means, ten times the usual, is a touch ...
@@ -105,6 +107,11 @@ def measure_baseline(series: OrientationSeries, temperatures_c: Sequence[float] 
         raise BaselineError(
             f"a baseline needs at least {MIN_DURATION_S:.0f} s at rest ({ADVISED_DURATION_S:.0f} s or more is good), "
             f"got {series.duration_s:.1f} s with {len(series)} samples"
+        )
+    widest_s = float(np.diff(series.times_s).max())
+    if widest_s > MAX_GAP_SHARE * series.duration_s:
+        raise BaselineError(
+            f"nothing is known of {widest_s:.3g} of {series.duration_s:.3g} s: was the clock set there?"
         )
     _refuse_motion(series)
     creep = measure_creep(series.times_s, series.quats_wxyz)

@@ -30,6 +30,8 @@ from analysis.usable_samples import Samples
 __all__ = ["CycleAnalysis", "CycleSettings", "Endpoint", "LeftOut", "Run", "find_cycles"]
 
 _DEFAULTS = CycleSettings()
+_MAX_GRID_PER_SAMPLE = 50
+_SMALL_GRID = 1_000_000  # costs nothing, however empty
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,8 @@ def find_cycles(
     """
     nothing = CycleAnalysis(valid=False, reasons=(), warnings=(), settings=settings, window=window)
     samples = Samples.of(series)
+    if empty := _mostly_empty(samples, settings):
+        return replace(nothing, reasons=(empty,))
     motion = angular_velocity(
         samples, rate_hz=settings.rate_hz, sigma_s=settings.sigma_s, moving_share=settings.moving_share
     )
@@ -84,6 +88,22 @@ def find_cycles(
             again = _find(nothing, slower, samples, like_s)
             return again if again.valid else result
     return result
+
+
+def _mostly_empty(samples: Samples, settings: CycleSettings) -> str:
+    """Say why an even grid would hold hardly anything, and fill the memory: a wrong unit of time, or a clock set."""
+    n = len(samples.times_s)
+    if n < 2 or (samples.times_s[-1] - samples.times_s[0]) * settings.rate_hz <= _MAX_GRID_PER_SAMPLE * n + _SMALL_GRID:
+        return ""
+    gaps_s = np.diff(samples.times_s)
+    if samples.usual_step_s > 0.5:
+        return f"samples are {samples.usual_step_s:.3g} s apart, too far for any cycle: is the unit of time right?"
+    widest = int(np.argmax(gaps_s))
+    after_s = samples.times_s[widest] - samples.times_s[0]
+    return (
+        f"a gap of {gaps_s[widest]:.3g} s, {after_s:.3f} s after the first sample: was the clock set there? Cut the "
+        "recording, or choose end points"
+    )
 
 
 def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples, like_s: Sequence[float]) -> CycleAnalysis:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.baseline import baseline_from_holds, measure_baseline
+from analysis.baseline import _walk_error, baseline_from_holds, measure_baseline
 from analysis.baseline_file import load_baseline, save_baseline
 from analysis.series import BaselineError, OrientationSeries
 from analysis.still_holds import block_orientations, measure_creep, still_holds
@@ -80,6 +80,14 @@ def test_a_random_walk_counts_in_the_rate_error():
     assert claimed == pytest.approx(spread, rel=0.25)
 
 
+def test_the_error_of_a_line_through_a_random_walk():
+    walk, duration_s = 0.05, 90.0
+    times = np.arange(0.0, duration_s, 0.5)
+    steps = np.random.default_rng(3).normal(scale=walk * np.sqrt(0.5 / 3.0), size=(4000, len(times)))
+    slopes = np.polyfit(times, np.cumsum(steps, axis=1).T, 1)[0] * 60.0
+    assert _walk_error(walk, duration_s) == pytest.approx(np.std(slopes), rel=0.05)
+
+
 def test_an_hour_of_strong_drift_does_not_fold_back():
     baseline = measure_baseline(resting(3600.0, rate=(0.0, 0.0, 12.0), rate_hz=10.0))  # 720 degrees
     np.testing.assert_allclose(baseline.rate_deg_per_min, [0, 0, 12.0], atol=0.01)
@@ -101,6 +109,13 @@ def test_temperature_is_kept():
 def test_too_short_is_refused():
     with pytest.raises(BaselineError, match=r"at least 10 s at rest .* got 5\.0 s"):
         measure_baseline(resting(5.0))
+
+
+def test_a_clock_that_was_set_is_refused():
+    series = resting(20.0)
+    times = series.times_s + np.where(series.index >= 100, 1.7e9, 0.0)
+    with pytest.raises(BaselineError, match=r"nothing is known of 1\.7e\+09 of"):
+        measure_baseline(replace(series, times_s=times))
 
 
 @pytest.mark.parametrize(("bump_deg", "bump_s"), [(0.3, 0.1), (1.0, 0.2), (20.0, 1.0), (3.0, 10.0)])
@@ -202,6 +217,14 @@ def test_rests_make_a_baseline():
     assert baseline.noise_deg == pytest.approx(0.05, rel=0.05)
     assert baseline.duration_s == pytest.approx(24.0, abs=0.1)
     assert "8.0 s, 16.0 s" in baseline.source
+
+
+def test_the_longer_rest_counts_by_the_cube_of_its_length():
+    holds = (
+        *still_holds(resting(8.0, rate=(0, 0, 1.0), noise_deg=0.0)),
+        *still_holds(resting(16.0, rate=(0, 0, 2.0), noise_deg=0.0)),
+    )
+    assert baseline_from_holds(holds).rate_deg_per_min[2] == pytest.approx((1.0 + 8.0 * 2.0) / 9.0, rel=1e-3)
 
 
 def test_a_noisy_sensor_rests_too():

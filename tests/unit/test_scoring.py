@@ -232,6 +232,18 @@ def test_without_baseline_or_rests_an_imu_s_usual_share_is_named():
     assert "sequence" in score.to_json()["endpoints"][0]
 
 
+@pytest.mark.parametrize(("lead_s", "floor"), [(3.5, False), (7.0, True)])
+def test_rests_inside_the_trial_set_a_floor_only_from_ten_seconds_on(lead_s, floor):
+    series = simulate(cosine, lead_s=lead_s, drift_deg=0.0).series
+    heading = rotations.exp(np.outer(series.times_s, [0.0, 0.0, np.radians(2.0) / 60.0]))
+    score = score_series(replace(series, quats_wxyz=rotations.multiply(heading, series.quats_wxyz)))
+    assert score.sensor.source == "rests"
+    assert score.sensor.per_cycle_deg == pytest.approx(score.period_s * 2.0 / 60.0, rel=0.3)
+    assert (score.sensor.detectable_deg is not None) == floor
+    assert (score.sensor.below_floor is not None) == floor
+    assert "upper bound" in score.sensor.note
+
+
 def test_grasp_and_release_by_name_is_not_claimed(trial):
     named = replace(trial.series, source="somewhere/HAND_cube_power_GR_1.csv")
     score = score_series(named)
@@ -279,3 +291,18 @@ def test_empty_and_tiny_series_are_refused():
         score = score_series(series)
         assert not score.valid
         json.dumps(score.to_json(), allow_nan=False)
+
+
+def test_a_wrong_unit_of_time_is_a_reason_and_fills_no_memory():
+    series = simulate(cycles=9).series
+    score = score_series(replace(series, times_s=series.times_s * 1e6))  # microseconds read as seconds
+    assert score.reasons == ("samples are 1e+04 s apart, too far for any cycle: is the unit of time right?",)
+    chosen = score_series(replace(series, times_s=series.times_s * 1e6), endpoints=[100, 500, 900, 1300])
+    assert chosen.valid
+
+
+def test_a_clock_that_was_set_is_a_reason_and_fills_no_memory():
+    series = simulate(cycles=9).series
+    times = series.times_s + np.where(series.index >= 5, 1.7e9, 0.0)
+    (reason,) = score_series(replace(series, times_s=times)).reasons
+    assert reason.startswith("a gap of 1.7e+09 s, 0.040 s after the first sample: was the clock set there?")
