@@ -86,10 +86,7 @@ class NodeDecoder:
     def problems(self) -> tuple[str, ...]:
         """What a person should be told, a sentence each."""
         if self.in_conflict:
-            return (
-                f"two objects on the bus have node id {self.node}, so their samples cannot be told apart: "
-                "give one of them another",
-            )
+            return (f"two objects on the bus have node id {self.node}, so their samples cannot be told apart",)
         return ()
 
     @property

@@ -1,9 +1,10 @@
 """Which sample an ORIENTATION frame is: eight bits, TIME frames and the time of reception make a full counter.
 
 Between two TIME frames the counter follows from the differences of the eight bits. A TIME frame then shows how many
-times 256 samples were lost unseen on the way; they are put where the host heard nothing for longest. After a silence
-long enough for that, samples are *held* until the next TIME frame (at most ``can_mapping.MAX_TIME_INTERVAL`` samples
-later), so that no sample is numbered by guess; so are all before the first TIME frame.
+times 256 samples were lost unseen on the way; they are put where the host heard nothing for longest, or, where it was
+never silent for so long (it was busy itself, and read late), where the eight bits jump. After a long silence, and where
+the eight bits do not go up, samples are *held* until the next TIME frame (at most ``can_mapping.MAX_TIME_INTERVAL``
+samples later), so that no sample is numbered by guess; so are all before the first TIME frame.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ class Numbering:
 
     expected: int | None = None
     """Unwrapped counter of the next sample if none is lost; None before the first TIME frame."""
+    newest: int | None = None
+    """Counter of the last sample given away."""
     heard_ns: int = 0
     """When the last sample was received, or the TIME frame after it."""
     longest_silence_ns: int = -1
@@ -108,6 +111,8 @@ class Numbering:
                     unknown = 0
                     low = self.expected - LATE_WINDOW
                     start = low + (int(low_bits[first]) - low) % SEQUENCE_MODULUS
+                    previous = int(counters[first - 1]) if first else self.newest
+                    steps[first] = 1 if previous is None else start - previous
                 np.add(total[first:last], start - int(total[first]), out=counters[first:last])
                 counters[first : first + unknown] = -1
                 self.expected = int(counters[last - 1]) + 1
@@ -115,7 +120,7 @@ class Numbering:
                 mark, mark_ns = mark_counters[segment], mark_times_ns[segment]
                 if self.expected is not None and mark - self.expected >= SEQUENCE_MODULUS:
                     unseen = (mark - self.expected) // SEQUENCE_MODULUS * SEQUENCE_MODULUS
-                    self._place(unseen, counters, host_ns, steps, first, last, mark_ns)
+                    self._place(unseen, counters, host_ns, steps, first, last, mark_ns, period_ns)
                 self.expected, self.heard_ns = mark, mark_ns
                 self.longest_silence_ns = -1
                 self.given_since_silence = 0
@@ -125,11 +130,13 @@ class Numbering:
             due = expected_before + round((int(host_ns[-1]) - self.heard_ns) / period_ns)
             unseen = round((due - int(counters[-1])) / SEQUENCE_MODULUS) * SEQUENCE_MODULUS
             if unseen > 0:
-                self._place(unseen, counters, host_ns, steps, first, n, int(host_ns[-1]))
-        taken = self._given(host_ns, first, n, period_ns if may_hold else np.inf)
+                self._place(unseen, counters, host_ns, steps, first, n, int(host_ns[-1]), period_ns)
+        taken = self._given(host_ns, steps, first, n, period_ns, may_hold)
         if first < n:
             # Held samples have no number yet.
             self.expected = int(counters[taken - 1]) + 1 if taken > first else expected_before
+        if taken:
+            self.newest = int(counters[taken - 1])
         return counters[:taken], taken
 
     @staticmethod
@@ -139,27 +146,41 @@ class Numbering:
         return int(long[-1]) + 1 if len(long) else 0
 
     def _place(
-        self, unseen: int, counters: IntArray, host_ns: IntArray, steps: IntArray, first: int, last: int, mark_ns: int
+        self,
+        unseen: int,
+        counters: IntArray,
+        host_ns: IntArray,
+        steps: IntArray,
+        first: int,
+        last: int,
+        mark_ns: int,
+        period_ns: float,
     ) -> None:
-        """Put samples lost unseen where the host heard nothing for longest: before a sample, or before the TIME."""
+        """Put samples lost unseen where they most likely belong: before a sample, or before the TIME.
+
+        That is where the eight bits do not go up, for some 256 lost in a row look so; else where the host heard nothing
+        for longest, if that was long enough; else where the eight bits jump.
+        """
         if first == last:
             return
         silences = np.diff(np.concatenate([[self.heard_ns], host_ns[first:last], [mark_ns]]))
-        # Equal silences: rather where the eight bits jump as well, then rather at the end.
-        jumps = np.concatenate([np.abs(steps[first:last] - 1), [0]])
-        place = int(np.lexsort((np.arange(len(silences)), jumps, silences))[-1])
-        if self.longest_silence_ns > int(silences[place]):
+        is_back = np.append(steps[first:last] <= 0, False)
+        jumps = np.append(np.abs(steps[first:last] - 1), 0)
+        is_silent = bool(silences.max() > SILENCE_SAMPLES * period_ns)
+        first_key, second_key = (silences, jumps) if is_silent else (jumps, silences)
+        place = int(np.lexsort((np.arange(len(silences)), second_key, first_key, is_back))[-1])
+        if self.longest_silence_ns > int(silences[place]) and not jumps[place]:
             self.misnumbered += self.given_since_silence
             place = 0
         counters[first + place : last] += unseen
 
-    def _given(self, host_ns: IntArray, first: int, n: int, period_ns: float) -> int:
-        """How many samples can be given away now: the last segment ends before its first long silence."""
+    def _given(self, host_ns: IntArray, steps: IntArray, first: int, n: int, period_ns: float, may_hold: bool) -> int:
+        """How many samples can be given away now: the last segment, up to where some may be missing unseen."""
         if first == n:
             return n
         silences = np.diff(np.concatenate([[self.heard_ns], host_ns[first:n]]))
-        long = np.flatnonzero(silences > SILENCE_SAMPLES * period_ns)
-        taken = first + int(long[0]) if len(long) else n
+        doubtful = np.flatnonzero((silences > SILENCE_SAMPLES * period_ns) | (steps[first:n] <= 0))
+        taken = first + int(doubtful[0]) if len(doubtful) and may_hold else n
         if n - taken > MAX_HELD:  # no TIME frame comes any more: better a guess than nothing
             taken = n
         if taken > first:

@@ -124,6 +124,7 @@ def next_samples(
         numbering.given_since_silence += 1
         numbering.heard_ns = host_ns
     numbering.expected = expected + len(frames)
+    numbering.newest = expected + len(frames) - 1
     counters = range(expected, expected + len(frames))
     times = [
         (mark_time_us + (2_000_000 * (counter - mark_counter) + rate_hz) // (2 * rate_hz)) % DEVICE_CLOCK_MODULUS_US

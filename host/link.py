@@ -57,8 +57,7 @@ class Link:
     @property
     def damaged_frames(self) -> int:
         """Frames that arrived but could not be used, whatever was wrong with them: each may have been a sample."""
-        counters = self.counters
-        return counters.cobs_errors + counters.crc_errors + counters.oversize + counters.malformed
+        return self.counters.unusable
 
     @property
     def problems(self) -> tuple[str, ...]:

@@ -111,11 +111,6 @@ class SampleAssembler:
         return self._foreign or self._crowded
 
     @property
-    def crowded(self) -> bool:
-        """Whether two objects send on this line at once, so that no sample can be told whose it is."""
-        return self._crowded
-
-    @property
     def problems(self) -> tuple[str, ...]:
         """What a person should know of who sends here."""
         return (CROWDED,) if self._crowded else ()

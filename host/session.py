@@ -315,10 +315,10 @@ class Session:
     def _no_answer(self) -> NoAnswerError:
         seconds = f"{self.settings.handshake_s:.0f} s"
         if self._link_name.startswith("can:"):
-            heard = "frames came, but none that an object would send" if self._bytes_received else "no frame came"
+            heard = "frames came, but no sample and no answer" if self._bytes_received else "no frame came"
             return NoAnswerError(
                 f"nothing answers at {self._link_name}: {heard} within {seconds}",
-                "check node id and bit rate in the link, and that the object is switched on; "
+                "check node id, bit rate and fd in the link, and that the object is switched on; "
                 "`rotdrift ports --probe` lists the objects on a bus",
             )
         if self._bytes_received:

@@ -6,7 +6,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from emulator.links import Link as ObjectLink
@@ -57,7 +57,7 @@ class Got:
 
 
 @contextlib.contextmanager
-def object_on(address: str, scenario: str = "default") -> Iterator[tuple[str, ObjectLink]]:
+def object_on(address: str, scenario: str = "default", seed: int = 1) -> Iterator[tuple[str, ObjectLink]]:
     """Run a virtual object on a link; gives the URI for the host and the object's end."""
     link = open_link(address)
     stop, ready = threading.Event(), threading.Event()
@@ -67,7 +67,8 @@ def object_on(address: str, scenario: str = "default") -> Iterator[tuple[str, Ob
         uri.append(text)
         ready.set()
 
-    thread = threading.Thread(target=run, args=(load_scenario(scenario), link, None, None, stop, on_ready), daemon=True)
+    settings = replace(load_scenario(scenario), seed=seed)
+    thread = threading.Thread(target=run, args=(settings, link, None, None, stop, on_ready), daemon=True)
     thread.start()
     assert ready.wait(10)
     try:

@@ -24,7 +24,6 @@ from host.reader import ReaderThread
 from host.recording import format as fmt
 from host.recording.views import add_views
 from host.recording.writer import RecordingWriter
-from host.samples import CROWDED
 from host.screen.screens import Screen
 from host.session import Phase, Session, SessionSettings
 from host.transports.chunks import AnyChunk, Transport
@@ -227,10 +226,11 @@ class Capture:
         assembler = self._trial.assembler
         if assembler.doubtful:
             session.ask_who(self._now_ns())
-        if assembler.crowded and session.error is None:
-            session.error = WrongObjectError(
-                CROWDED, "leave one object on the line; on CAN, give each a node id of its own"
-            )
+        for problem in (*self._trial.link.problems, *assembler.problems):
+            if session.error is None:
+                session.error = WrongObjectError(
+                    problem, "leave one object on the line; on CAN, give each a node id of its own"
+                )
 
     def _reopened(self, now_ns: int) -> None:
         """Go on after the link was lost and opened again: the same recording, the same trial, a new handshake."""

@@ -48,6 +48,8 @@ class RecordedTrial:
     """Makes :attr:`clock`."""
     segments: tuple[SegmentStart, ...]
     """Where the device was reset or its clock stepped, after the first."""
+    problems: tuple[str, ...]
+    """What was wrong with those who sent, a sentence each: two objects at once."""
     damage: tuple[str, ...]
     """What was wrong with the file."""
     header: RecordingHeader | None
@@ -91,7 +93,6 @@ def assemble(
         f"{segment.reason} at {segment.time_s:.1f} s: later samples are placed by the host's clock"
         for segment in assembler.segments[1:]
     ]
-    notes += assembler.problems
     return RecordedTrial(
         series=series_of(assembly.blocks, source, notes),
         losses=assembler.losses(assembly.link.damaged_frames),
@@ -103,6 +104,7 @@ def assemble(
         reconnects=assembly.reopened,
         late_clock=cache(lambda: clock_values(arrivals.remapped(round_trips), arrivals.n_unplaced)),
         segments=tuple(assembler.segments),
+        problems=(*assembly.link.problems, *assembler.problems),
         damage=(),
         header=None,
     )

@@ -145,7 +145,7 @@ def score_plain(
 
 def trial_warnings(trial: RecordedTrial) -> tuple[str, ...]:
     """Say what makes a recorded trial doubtful beyond its motion and its losses."""
-    warnings = list(trial.damage)
+    warnings = [*trial.problems, *trial.damage]
     warnings += [
         f"{segment.reason} at {segment.time_s:.1f} s; the orientation before and after may not have the same origin"
         for segment in trial.segments[1:]

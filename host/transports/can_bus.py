@@ -8,8 +8,9 @@ What python-can really does, and what follows from it:
   read and fails for ever; and a server that is gone makes ``recv`` return at once, for ever: the bus is opened anew.
   All of it is counted.
 - ``slcan`` opens where nobody answers; the adapter must say something first.
-- An interface that is down (``ip link set can0 down``) fails each ``recv``; it works again once it is up. One that was
-  pulled fails in the same way, and never works again, not even when it is back: that is told by its number.
+- An interface that goes down (``ip link set can0 down``) fails one ``recv`` or one ``send``, whichever comes first, and
+  works again once it is up. One that was pulled does the same and never works again, not even when it is back: that is
+  told by its number.
 
 Flow control for long packets is sent from here, within the reading thread; decoders only listen.
 """
@@ -43,10 +44,8 @@ from host.transports.socketcan_kernel import dropped_frames, interface_index
 MAX_FRAMES = 1024
 """No read returns more."""
 SEND_TIMEOUT_S = 1.0
-DROPS_NS = 250_000_000
-"""Between two questions for frames that the kernel had to drop."""
-DOWN_S = 30.0
-"""How long an interface may be down before the link counts as lost."""
+KERNEL_NS = 250_000_000
+"""Between two questions to the kernel: what it had to drop, and whether the interface is still the same."""
 ECHOING = frozenset({"udp_multicast"})
 """Interfaces that hand us what we sent ourselves, unasked."""
 SETTLING_S = 3.0
@@ -98,9 +97,8 @@ class CanTransport(ClosingTransport):
         self._channels: dict[bool, LongPacketChannel] = {}
         self._lock = threading.Lock()
         self._echoes: deque[tuple[int, bytes]] | None = deque(maxlen=64) if settings.interface in ECHOING else None
-        self._drops_asked_ns = 0
+        self._kernel_asked_ns = 0
         self._index = interface_index(settings.channel) if settings.interface == "socketcan" else 0
-        self._down_since: float | None = None
         self._closed = False
 
     @property
@@ -122,6 +120,7 @@ class CanTransport(ClosingTransport):
         """Wait for the next frame, at most ``timeout_s``, and take what else is there."""
         if self._closed:
             raise LinkLostError(f"{self.name} is closed")
+        self._ask_kernel()
         frames: list[CanFrame] = []
         message = self._receive(timeout_s)
         while message is not None:
@@ -129,13 +128,8 @@ class CanTransport(ClosingTransport):
             if self._is_wanted(frame):
                 frames.append(frame)
             message = self._receive(0.0) if len(frames) < MAX_FRAMES else None
-        now_ns = time.monotonic_ns()
-        if now_ns - self._drops_asked_ns > DROPS_NS:
-            self._drops_asked_ns = now_ns
-            self.health.dropped_frames = dropped_frames(self._bus)
         if not frames:
             return None
-        self._down_since = None
         self._attend(frames)
         return FrameChunk(pack_frames(frames), frames[-1].host_time_ns)
 
@@ -160,6 +154,18 @@ class CanTransport(ClosingTransport):
         self._closed = True
         with self._lock, contextlib.suppress(*IO_ERRORS):
             self._bus.shutdown()
+
+    def _ask_kernel(self) -> None:
+        now_ns = time.monotonic_ns()
+        if now_ns - self._kernel_asked_ns < KERNEL_NS:
+            return
+        self._kernel_asked_ns = now_ns
+        self.health.dropped_frames = dropped_frames(self._bus)
+        if self._index and interface_index(self._settings.channel) != self._index:
+            raise self._gone("it was pulled")
+
+    def _gone(self, reason: str) -> LinkLostError:
+        return LinkLostError(f"{self.name} is gone ({reason})", "plug the adapter in again")
 
     def _is_wanted(self, frame: CanFrame) -> bool:
         """Filter what interfaces without filters of their own let through."""
@@ -197,18 +203,10 @@ class CanTransport(ClosingTransport):
             self.health.parser_errors += 1
             self._reopen(error)
             return
-        if _is_down(error) and interface_index(self._settings.channel) == self._index:
-            now = time.monotonic()
-            if self._down_since is None:
-                self._down_since = now
-                self.health.outages += 1
-            self.health.is_down = True
-            if now - self._down_since < DOWN_S:
-                time.sleep(0.02)
-                return
-        raise LinkLostError(
-            f"{self.name} is gone ({plain(str(error), 120) or type(error).__name__})", "plug the adapter in again"
-        ) from error
+        if _is_down(error):
+            self.health.went_down = True
+            return
+        raise self._gone(plain(str(error), 120) or type(error).__name__) from error
 
     def _reopen(self, error: Exception) -> None:
         with self._lock:
@@ -237,8 +235,11 @@ class CanTransport(ClosingTransport):
             with self._lock:
                 self._bus.send(message, timeout=SEND_TIMEOUT_S)
         except IO_ERRORS as error:
-            if _is_down(error) or self._settings.interface == "socketcand":
-                return  # the reading side notices, and waits or opens anew; commands are repeated
+            if _is_down(error):
+                self.health.went_down = True
+                return  # commands are repeated
+            if self._settings.interface == "socketcand":
+                return  # the reading side notices, and opens anew
             raise LinkLostError(
                 f"{self.name} takes no frames ({plain(str(error), 100)})",
                 "check that the object is on the bus, the bit rate, and that both ends are terminated",
@@ -250,7 +251,6 @@ class CanTransport(ClosingTransport):
             if frame.flags & FrameFlag.ERROR:
                 self.health.error_frame(frame, self._settings.interface)
                 continue
-            self.health.is_down = False
             identity = split_id(frame.arbitration_id)
             strange = frame.flags & (FrameFlag.EXTENDED | FrameFlag.REMOTE)
             if identity is None or strange or identity.node == ALL_NODES or identity.function in HOST_FUNCTIONS:

@@ -185,14 +185,10 @@ def _bus_options(settings: CanSettings) -> dict[str, Any]:
         return options | {"host": settings.host, "port": settings.port}
     if settings.interface == "slcan":
         options |= {"tty_baudrate": settings.baud, "sleep_after_open": 0.0, "listen_only": settings.listen_only}
-        if settings.fd:
-            # The CANable dialect knows bit rates only; the timing object is how python-can is told of them.
-            options["timing"] = can.BitTimingFd.from_sample_point(
-                80_000_000, settings.bitrate, 80.0, settings.data_bitrate, 80.0
-            )
-        else:
-            options["bitrate"] = settings.bitrate
-        return options
+        return options | {
+            "bitrate": settings.bitrate,
+            "data_bitrate": settings.data_bitrate if settings.fd else None,
+        }
     if settings.interface == "virtual":
         options["protocol"] = can.CanProtocol.CAN_FD if settings.fd else can.CanProtocol.CAN_20
         return options

@@ -35,10 +35,11 @@ class BusHealth:
     """Times the controller had no room for a frame to be sent."""
     unacknowledged: int = 0
     """Frames sent that no other node acknowledged."""
+    passives: int = 0
+    """Times the controller became error-passive: many frames failed, or nobody else is on the bus."""
     bus_offs: int = 0
-    outages: int = 0
-    """Times the interface was down."""
-    is_down: bool = False
+    went_down: bool = False
+    """Whether the interface was ever down meanwhile."""
     parser_errors: int = 0
     """Lines from the adapter that python-can could not read."""
     flushes: int = 0
@@ -68,6 +69,7 @@ class BusHealth:
             self.unsent += bool(detail & _SEND_OVERFLOW)
             if detail & _PASSIVE:
                 self.state = "passive"
+                self.passives += 1
             elif detail & _WARNING:
                 self.state = "warning"
             elif detail & _ACTIVE:
@@ -75,15 +77,18 @@ class BusHealth:
         self.unacknowledged += bool(kind & _NO_ACKNOWLEDGE)
 
     def problems(self, name: str) -> tuple[str, ...]:
-        """Return what a person should know, a sentence each; no numbers, so that each is said once."""
+        """Return what a person should know, a sentence each; no numbers, so that each is said once.
+
+        They only ever grow: what is over again was said all the same, however seldom somebody asks.
+        """
         found = []
-        if self.is_down:
+        if self.went_down:
             channel = name.partition("?")[0].rpartition(":")[2]
-            found.append(f"{name} is down: bring it up with `sudo ip link set {channel} up`")
-        if self.state == "bus-off":
-            found.append(f"{name} is bus-off: check bit rate, wiring and termination, then restart the interface")
-        elif self.state == "passive":
-            found.append(f"{name} is error-passive: check bit rate, wiring and termination")
+            found.append(f"{name} went down: bring it up with `sudo ip link set {channel} up`")
+        if self.bus_offs:
+            found.append(f"{name} went bus-off: check bit rate, wiring and termination, then restart the interface")
+        if self.passives:
+            found.append(f"{name} became error-passive: check bit rate, wiring and termination")
         if self.unacknowledged:
             found.append(f"nobody on {name} acknowledges frames: check wiring, termination and the object's power")
         if self.overruns:
@@ -98,5 +103,7 @@ class BusHealth:
         if self.unexplained:
             found.append(f"{name} reports errors on the bus: check bit rate, wiring and termination")
         if self.parser_errors:
-            found.append(f"what came from {name} could not all be read: check the adapter's cable and baud rate")
+            found.append(
+                f"what came from {name} could not all be read: check that it is a CAN adapter, its cable and baud rate"
+            )
         return tuple(found)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 from firmware_protocol.can_frames import CanFrame, FrameFlag
 from firmware_protocol.can_mapping import ALL_NODES, HOST_FUNCTIONS, CanFunction, split_id
@@ -30,8 +31,10 @@ def objects_heard(link: str, listen_s: float = LISTEN_S) -> list[str]:
     """
     uri = parse_link_uri(link)
     if uri.scheme == "can":
-        uri = parse_link_uri(link + ("&" if "?" in link else "?") + "listen_only=1")
-    nodes: set[int] = set()
+        # On these, both kinds of frames are heard; elsewhere CAN FD would change how the adapter is set up.
+        fd = uri.target.partition(":")[0] in {"socketcan", "virtual", "udp_multicast"}
+        uri = replace(uri, options=uri.options | {"listen_only": "1"} | ({"fd": "1"} if fd else {}))
+    nodes: dict[int, bool] = {}
     found = False
     try:
         with open_transport(uri) as transport:
@@ -40,13 +43,16 @@ def objects_heard(link: str, listen_s: float = LISTEN_S) -> list[str]:
             while (left := deadline - time.monotonic()) > 0 and not (found and uri.scheme != "can"):
                 chunk = transport.read(min(left, 0.1))
                 if isinstance(chunk, FrameChunk):
-                    nodes |= {node for frame in chunk.frames if (node := _node(frame))}
+                    for node, whole in filter(None, map(_object, chunk.frames)):
+                        nodes[node] = nodes.get(node, False) or whole
                 elif chunk is not None:
                     found |= any(isinstance(item, OrientationBatch | Status | Info) for item in decoder.feed(chunk))
     except HostError:
         pass
     joint = "&" if "?" in link else "?"
-    return [link] if found else [f"{link}{joint}node={node}" for node in sorted(nodes)]
+    if found:
+        return [link]
+    return [f"{link}{joint}node={node}{'&fd=1' * is_fd}" for node, is_fd in sorted(nodes.items())]
 
 
 def objects_on(links: Sequence[str], listen_s: float = LISTEN_S) -> dict[str, list[str]]:
@@ -64,10 +70,11 @@ def objects_on(links: Sequence[str], listen_s: float = LISTEN_S) -> dict[str, li
     return {link: found.get(link, []) for link in links}
 
 
-def _node(frame: CanFrame) -> int | None:
+def _object(frame: CanFrame) -> tuple[int, bool] | None:
+    """Give the node id of the object that sent a frame, and whether it sends whole packets in CAN FD frames."""
     identity = split_id(frame.arbitration_id)
     if identity is None or frame.flags & (FrameFlag.EXTENDED | FrameFlag.REMOTE | FrameFlag.ERROR):
         return None
     whole_length = identity.whole_packet or len(frame.data) == 8
     ours = identity.function in _TELLING and identity.function not in HOST_FUNCTIONS and whole_length
-    return identity.node if ours and identity.node != ALL_NODES else None
+    return (identity.node, identity.whole_packet) if ours and identity.node != ALL_NODES else None

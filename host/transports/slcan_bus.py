@@ -1,12 +1,13 @@
 """python-can's SLCAN bus, reading whatever has come instead of byte by byte.
 
 The library reads one byte a call: 22 system calls a frame, and on ``socket://`` too slow for 1000 frames a second. And
-a byte that is no ASCII stays in its buffer and fails every later read. Here a line that cannot be read fails once and
-is gone.
+a byte that is no ASCII stays in its buffer and fails every later read; and what is no SLCAN at all it passes over in
+silence. Here a line that cannot be read fails once and is gone.
 """
 
 from __future__ import annotations
 
+import os
 import select
 import sys
 import time
@@ -16,6 +17,8 @@ from typing import Any
 from can.interfaces.slcan import slcanBus
 
 READ_BYTES = 65536
+KINDS = frozenset(b"tTrRdDbBxzZVvNFCE\r\a")
+"""How a line of an adapter begins: frames, answers, and the names and errors that CANables print."""
 MAX_LINE_BYTES = 256
 """Longest line of any adapter: an FD frame with 29-bit id and time stamp has 150."""
 
@@ -27,12 +30,34 @@ class ChunkedSlcanBus(slcanBus):
     """Whether the port is read here."""
     _is_open = False
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:  # noqa: ANN401 (those of slcanBus)
+    def __init__(self, channel: str, *, data_bitrate: int | None = None, **options: Any) -> None:  # noqa: ANN401
+        self._data_bitrate = data_bitrate
         self._lines: deque[bytes] = deque()
-        super().__init__(*arguments, **options)
+        self._lock = _locked(channel)  # before the library's own opening, which throws away what has come
+        try:
+            super().__init__(channel, **options)
+        except BaseException:
+            self._unlock()
+            raise
         self._is_open = True
         if self.reads_lines:
             self.serialPortOrig.timeout = 0
+
+    def set_bitrate(self, bitrate: int, data_bitrate: int | None = None) -> None:
+        """Set the bit rates; called by the library's constructor, which has no parameter for that of CAN FD alone."""
+        super().set_bitrate(bitrate, data_bitrate or self._data_bitrate)
+
+    def shutdown(self) -> None:
+        """Close the channel and the port."""
+        try:
+            super().shutdown()
+        finally:
+            self._unlock()
+
+    def _unlock(self) -> None:
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            os.close(lock)
 
     def _read(self, timeout: float | None) -> str | None:
         if not (self.reads_lines and self._is_open):
@@ -46,7 +71,10 @@ class ChunkedSlcanBus(slcanBus):
             data = self.serialPortOrig.read(READ_BYTES)
             if data:
                 self._split(data)
-        return self._lines.popleft().decode("ascii")
+        line = self._lines.popleft()
+        if line[0] < 0x80 and line[0] not in KINDS:
+            raise ValueError("this is no SLCAN")
+        return line.decode("ascii")
 
     def _split(self, data: bytes) -> None:
         # Answers end with CR, refusals are a BEL: both end a line.
@@ -73,3 +101,24 @@ class ChunkedSlcanBus(slcanBus):
         """Throw away what has come and was not read."""
         self._lines.clear()
         super().flush()
+
+
+def _locked(channel: str) -> int | None:
+    """Lock a port as pyserial's ``exclusive`` does, and return the descriptor that holds the lock.
+
+    Raises
+    ------
+    OSError
+        There is no such port, or another program has locked it.
+    """
+    if sys.platform == "win32" or "://" in channel:  # Windows opens every port exclusively by itself
+        return None
+    import fcntl
+
+    descriptor = os.open(channel, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor

@@ -42,6 +42,22 @@ def test_two_objects_of_one_bus_are_captured_at_once_and_each_recording_scores_a
     assert "rotation drift" in capsys.readouterr().out
 
 
+def test_two_objects_with_one_node_id_end_the_capture_and_the_recording_says_so_too(
+    tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture
+) -> None:
+    link, recording = f"can:virtual:{request.node.name}?node=4", tmp_path / "both.mcap"
+    with object_on(link, "fast", seed=1), object_on(link, "fast", seed=2):
+        assert main(["capture", link, "--duration", "60", "--out", str(recording)]) == 3
+    said = capsys.readouterr()
+    sentence = "two objects on the bus have node id 4"
+    assert f"rotdrift: {sentence}" in said.err
+    assert "give each a node id of its own" in said.err
+    assert main(["score", str(recording), "--json"]) == 1
+    scored = json.loads(capsys.readouterr().out)
+    assert sentence in scored["warnings"][0]
+    assert scored["losses"]["lost"] == 0
+
+
 def test_an_object_at_rest_on_can_gives_a_static_baseline(
     tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

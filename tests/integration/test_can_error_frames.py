@@ -105,15 +105,17 @@ def test_what_the_kernel_says_of_the_bus_is_understood(case: str) -> None:
             assert words in transport.problems[0]
 
 
-def test_a_bus_off_that_ends_is_told_no_longer() -> None:
+def test_a_bus_off_that_ends_at_once_is_told_all_the_same() -> None:
     with bus_of_datagrams() as (transport, kernel):
         kernel.send(error(0x004, d1=0x20))
         kernel.send(error(0x040))
-        read_all(transport)
-        assert transport.health.state == "bus-off"
         kernel.send(error(0x100))
         read_all(transport)
-        assert (transport.health.state, transport.health.bus_offs, transport.problems) == ("active", 1, ())
+        assert (transport.health.state, transport.health.bus_offs, transport.health.passives) == ("active", 1, 1)
+        assert [problem.partition(": check")[0] for problem in transport.problems] == [
+            "can:socketcan:can9 went bus-off",
+            "can:socketcan:can9 became error-passive",
+        ]
 
 
 def test_error_frames_among_samples_cost_no_sample_and_are_counted() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from firmware_protocol.can_frames import CanFrame, unpack_frames
 from firmware_protocol.packets import Info, Status, TimeReply
-from host.errors import LinkError, LinkLostError, NoAnswerError, PortNotFoundError, UsageError
+from host.errors import LinkError, LinkLostError, NoAnswerError, PortBusyError, PortNotFoundError, UsageError
 from host.link_uri import parse_link_uri
 from host.recording.recorded_trial import assemble
 from host.session import Phase
@@ -117,12 +117,12 @@ BAD_WORDS = [b"< frame 181 zz 00 >", b"< frame \xff >", b"> <", b"< nonsense >",
 
 
 def after_bad(transport: Any, link: Any, got: Got, bad: bytes, n: int) -> int:
-    """Put bad bytes between two frames, receive n samples more; return how many were lost meanwhile."""
+    """Put bad bytes between two frames, receive n frames from behind them; return how many were lost meanwhile."""
     lost = got.link.counters.samples_lost
     injected = inject(link, bad)
     receive(transport, lambda _: injected.is_set(), got=got)
-    seen = got.n_samples
-    receive(transport, lambda got: got.n_samples > seen + n, got=got)
+    sent = link.frames_sent  # of those before the bad bytes, some may still be under way
+    receive(transport, lambda got: got.link.counters.frames > sent + n, got=got)
     return got.link.counters.samples_lost - lost
 
 
@@ -187,6 +187,37 @@ def test_a_silent_adapter_is_told_though_it_opens(monkeypatch: pytest.MonkeyPatc
         os.close(slave)
 
 
+def test_a_device_that_is_no_adapter_is_told_though_it_speaks() -> None:
+    import tty
+
+    master, slave = os.openpty()
+    tty.setraw(slave)
+
+    def speak() -> None:
+        os.read(master, 100)  # the port is open, and what came before is thrown away
+        os.write(master, b"$GPGGA,123519,4807.038,N*47\r\n")
+
+    threading.Thread(target=speak, daemon=True).start()
+    try:
+        with open_transport(f"can:slcan:{os.ttyname(slave)}?node=3") as transport:
+            assert transport.read(2.0) is None
+            assert "check that it is a CAN adapter" in transport.problems[0]
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_an_adapter_in_use_is_left_alone() -> None:
+    with object_on("can:slcan:pty") as (uri, _), open_transport(uri) as transport:
+        got = receive(transport, lambda got: got.n_samples > 20)
+        with pytest.raises(PortBusyError, match="in use"):
+            open_transport(uri)
+        seen = got.n_samples
+        receive(transport, lambda got: got.n_samples > seen + 20, got=got)
+        finish(transport, got)
+        assert got.link.counters.samples_lost == 0
+
+
 def test_two_objects_on_a_bus_are_a_question_unless_the_link_names_one(request: pytest.FixtureRequest) -> None:
     bus = f"can:virtual:{request.node.name}"
     with object_on(f"{bus}?node=4") as (uri, _), object_on(f"{bus}?node=9") as (other_uri, _):
@@ -231,6 +262,9 @@ def test_the_raw_chunks_decode_to_the_same_again(request: pytest.FixtureRequest)
         ("can:virtual:x?speed=1", UsageError, "option speed"),
         ("can:slcan:/dev/nothing-here", PortNotFoundError, "no port /dev/nothing-here"),
         ("can:slcan:socket://127.0.0.1:1", PortNotFoundError, "nothing answers"),
+        ("can:slcan:socket://127.0.0.1:", UsageError, "not a URL"),
+        ("serial:socket://127.0.0.1:99999", UsageError, "not a URL"),
+        ("can:slcan:/dev/null?fd=1&bitrate=83300", LinkError, "not a serial port"),
         ("can:socketcand:127.0.0.1", UsageError, "no socketcand bus"),
         ("can:socketcand:127.0.0.1:29536/can0?fd=1", UsageError, "no CAN FD"),
         ("can:slcan:/dev/null?bitrate=123456", (UsageError, LinkError), "/dev/null|bitrate"),

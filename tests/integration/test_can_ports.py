@@ -43,11 +43,12 @@ def test_can_interfaces_are_listed_with_their_links(tmp_path: Path) -> None:
 def test_objects_are_found_by_listening_and_nothing_is_sent(request: pytest.FixtureRequest) -> None:
     bus = f"can:virtual:{request.node.name}"
     spy = can.Bus(interface="virtual", channel=request.node.name)
-    with spy, object_on(f"{bus}?node=4"), object_on(f"{bus}?node=9"), object_on("can:slcan:pty?node=3") as (uri, _):
+    objects = object_on(f"{bus}?node=4"), object_on(f"{bus}?node=9&fd=1"), object_on("can:slcan:pty?node=3")
+    with spy, objects[0], objects[1], objects[2] as (uri, _):
         device = uri.partition("?")[0]
         found = objects_on([bus, device, "can:virtual:nobody-here"], 2.5)
         assert found == {
-            bus: [f"{bus}?node=4", f"{bus}?node=9"],
+            bus: [f"{bus}?node=4", f"{bus}?node=9&fd=1"],
             device: [f"{device}?node=3"],
             "can:virtual:nobody-here": [],
         }

@@ -87,6 +87,23 @@ def test_the_sum_is_exact_even_where_no_time_of_reception_is_known(
     assert got.sequence[-1] == 5999
 
 
+@pytest.mark.parametrize("lost", [1, 252, 253, 254, 255, 256, 257, 511, 3000])
+@pytest.mark.parametrize("at_once", [7, 100_000])
+def test_the_sum_is_exact_where_a_busy_computer_read_everything_late(
+    traffic: list[CanFrame], lost: int, at_once: int
+) -> None:
+    # All in the queue already: the times of reception say nothing of when it was sent, nor where it is missing.
+    pauses = np.random.default_rng(lost).exponential(20_000, len(traffic)).astype(int)
+    late = [
+        dataclasses.replace(frame, host_time_ns=at)
+        for frame, at in zip(traffic, np.cumsum(pauses).tolist(), strict=True)
+    ]
+    decoder = CanStreamDecoder(3)
+    got = joined(fed(decoder, without(late, 900, lost), at_once))
+    assert (decoder.counters.samples_lost, decoder.counters.duplicates, decoder.counters.reordered) == (lost, 0, 0)
+    assert len(got.sequence) == 6000 - lost
+
+
 def test_losses_of_single_frames_of_every_kind_are_survived(traffic: list[CanFrame]) -> None:
     rng = np.random.default_rng(3)
     kept = rng.random(len(traffic)) > 0.05
