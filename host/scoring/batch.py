@@ -1,10 +1,11 @@
-"""Many recordings at once: every file in a process of its own, one bad file not stopping the rest."""
+"""Many recordings at once, over the cores; one bad file does not stop the rest, even if it takes its process down."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -107,19 +108,32 @@ def score_many(
     """
     paths = list(paths)
     rows: dict[int, BatchRow] = {}
+    unfinished = []
     workers = min(workers or os.cpu_count() or 1, len(paths), 61)  # 61: what Windows can wait for
-    # A fresh interpreter each: a fork would inherit the progress bar's thread and its locks.
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with _pool(workers) as pool:
         jobs = {pool.submit(score_row, path, options, reading, window): number for number, path in enumerate(paths)}
         for job in as_completed(jobs):
-            number = jobs[job]
             try:
-                row = job.result()
-            except Exception as error:  # noqa: BLE001 - e.g. a process killed for want of memory
-                row = BatchRow(paths[number], None, f"the process that scored it ended ({error})", 4)
-            rows[number] = row
+                rows[jobs[job]] = row = job.result()
+            except BrokenProcessPool:
+                unfinished.append(jobs[job])
+                continue
             told(row)
+    # A process that is killed, say for want of memory, ends the pool: whatever it did not finish is scored alone.
+    for number in sorted(unfinished):
+        with _pool(1) as pool:
+            try:
+                row = pool.submit(score_row, paths[number], options, reading, window).result()
+            except BrokenProcessPool:
+                row = BatchRow(paths[number], None, "the process that scored it was killed: not enough memory?", 4)
+        rows[number] = row
+        told(row)
     return [rows[number] for number in range(len(paths))]
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    # A fresh interpreter each: a fork would inherit the progress bar's thread and its locks.
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
 
 
 def score_row(path: Path, options: ScoreOptions | None, reading: ReadOptions | None, window: Window | None) -> BatchRow:
