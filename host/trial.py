@@ -17,6 +17,7 @@ import numpy.typing as npt
 from analysis import rotations
 from analysis.baseline import StaticBaseline
 from analysis.online_cycles import OnlineCycleDetector
+from analysis.trust import MIN_REST_FOR_FLOOR_S
 from firmware_protocol.packets import Event, Info, OrientationBatch, OrientationFlag, Status
 from firmware_protocol.stream import StreamItem
 from host.clock.device_clock import ClockEstimate, DeviceClock
@@ -97,6 +98,7 @@ class Trial:
         """End points so far, and the operator's edits."""
         self._baseline = baseline
         self._rest: FirstRest | None = FirstRest() if baseline is None else None
+        self._floor_known = baseline is not None  # a short rest tells the drift, but no floor
         self._recent: deque[tuple[float, npt.NDArray[np.float64]]] = deque(maxlen=64)
         self._peak = (-np.inf, 0.0)  # when the object turned fastest of late, and how fast, deg/s
         self._saturated_s = -np.inf
@@ -244,6 +246,7 @@ class Trial:
             self.score.forget()
         if found and self._rest is not None:
             self._baseline, self._rest = self._rest.baseline(), None
+            self._floor_known = self._baseline is not None and self._baseline.duration_s >= MIN_REST_FOR_FLOOR_S
         rows = []
         for endpoint in found:
             # Several found at once lie in one run: only the first can have a gap before it.
@@ -276,7 +279,7 @@ class Trial:
 
     def _floor_deg(self) -> float | None:
         period_s = self.period_s
-        if self._baseline is None or period_s is None:
+        if self._baseline is None or period_s is None or not self._floor_known:
             return None
         return self._baseline.detectable_deg(period_s, max(2, self.n_endpoints))
 

@@ -56,6 +56,13 @@ class Terminal:
             self.read()
         return self.text
 
+    def wait_for_raw(self, text, count, within_s=30.0):
+        """Wait until so many of a sequence were written: what has left the screen counts as well."""
+        deadline = time.monotonic() + within_s
+        while self.raw.count(text) < count:
+            assert time.monotonic() < deadline, f"{count} of {text!r} were not written"
+            self.read()
+
     def wait_for_cycles(self, count, within_s=30.0):
         """Wait until the screen counts so many cycles, or more: one that is busy elsewhere skips pictures."""
         deadline = time.monotonic() + within_s

@@ -44,7 +44,7 @@ class AlarmWatch:
     def __init__(self) -> None:
         self._up: dict[str, str] = {}
         self._until_s: dict[str, float] = {}
-        self._moved_s = 0.0
+        self._moved_s = self._way_s = 0.0
         self._before: TrialState | None = None
         self._axis_since_s: float | None = None
         self._widest_deg = 0.0
@@ -62,7 +62,7 @@ class AlarmWatch:
         now_s = state.elapsed_s
         before = self._before or state
         if state.n_endpoints < before.n_endpoints:  # end points were taken back: begin again
-            self._moved_s = self._widest_deg = 0.0
+            self._moved_s = self._way_s = self._widest_deg = 0.0
         for kind, until_s in list(self._until_s.items()):
             if now_s >= until_s:
                 del self._until_s[kind]
@@ -140,10 +140,12 @@ class AlarmWatch:
     def _no_cycles(self, state: TrialState, before: TrialState) -> None:
         moving = (state.motion.turn_rate_dps or 0.0) > MOVING_DPS
         if state.n_endpoints != before.n_endpoints:
-            self._moved_s = 0.0
+            self._way_s, self._moved_s = self._moved_s, 0.0
         elif moving:
             self._moved_s += max(0.0, min(1.0, state.elapsed_s - before.elapsed_s))
-        limit_s = max(NO_CYCLES_S, NO_CYCLES_PERIODS * (state.motion.period_s or 0.0))
+        # While no period is known, the way to the first end point is all that tells how slow the motion is.
+        period_s = state.motion.period_s or self._way_s
+        limit_s = max(NO_CYCLES_S, NO_CYCLES_PERIODS * period_s)
         self._set(
             "no cycles",
             self._moved_s > limit_s,

@@ -156,7 +156,13 @@ def _until(text: str) -> float:
     kind, _, value = text.partition("=")
     if kind != "ci":
         raise argparse.ArgumentTypeError(f"{text!r} is no aim; give ci=0.2deg")
-    return _seconds(value.removesuffix("deg").removesuffix("°"))
+    try:
+        angle_deg = float(value.removesuffix("deg").removesuffix("°"))
+    except ValueError:
+        angle_deg = 0.0
+    if not 0 < angle_deg <= 180:
+        raise argparse.ArgumentTypeError(f"{value!r} is not an angle above 0; give ci=0.2deg")
+    return angle_deg
 
 
 def _whole(text: str) -> int:

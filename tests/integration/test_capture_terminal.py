@@ -122,7 +122,8 @@ def test_ctrl_z_steps_aside_and_the_capture_goes_on(tmp_path, virtual):
     size = recording.stat().st_size
     wait_for(lambda: recording.stat().st_size > size + 20_000, 10, "a growing recording")
     terminal.press(" ")
-    terminal.wait_for("rotation drift θ̄ per cycle, so far")
+    terminal.wait_for_raw("\x1b[?1049h", 2)
+    terminal.wait_for_cycles(3)
     terminal.process.kill(signal.SIGTERM)
     assert terminal.finish() == 0
     assert terminal.modes() == terminal.modes_before

@@ -182,5 +182,7 @@ def test_the_rest_before_the_motion_tells_the_floor_of_the_sensor():
     state = watched(virtual_chunks(scenario("default", imu=imu, motion=motion), 0.05)[0])[1]
     assert state.sensor.heading_deg_per_min == pytest.approx(3.0, abs=0.5)
     assert 0.02 < state.sensor.floor_deg < 0.2
-    short = watched(virtual_chunks(scenario("default", imu=imu, motion=motion | {"lead_in_s": 2.0}), 0.05)[0])[1]
-    assert (short.sensor.heading_deg_per_min, short.sensor.floor_deg) == (None, None)
+    for lead_in_s, tells_drift in ((2.0, False), (4.0, True)):  # too short for a floor
+        chunks, _ = virtual_chunks(scenario("default", imu=imu, motion=motion | {"lead_in_s": lead_in_s}), 0.05)
+        sensor = watched(chunks)[1].sensor
+        assert (sensor.heading_deg_per_min is not None, sensor.floor_deg) == (tells_drift, None)
