@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +114,8 @@ def score_many(
     unfinished = []
     workers = min(workers or os.cpu_count() or 1, len(paths), 61)  # 61: what Windows can wait for
     with _pool(workers) as pool:
-        jobs = {pool.submit(score_row, path, options, reading, window): number for number, path in enumerate(paths)}
+        with _interrupts_not_inherited():
+            jobs = {pool.submit(score_row, path, options, reading, window): number for number, path in enumerate(paths)}
         for job in as_completed(jobs):
             try:
                 rows[jobs[job]] = row = job.result()
@@ -122,8 +126,10 @@ def score_many(
     # A process that is killed, say for want of memory, ends the pool: whatever it did not finish is scored alone.
     for number in sorted(unfinished):
         with _pool(1) as pool:
+            with _interrupts_not_inherited():
+                job = pool.submit(score_row, paths[number], options, reading, window)
             try:
-                row = pool.submit(score_row, paths[number], options, reading, window).result()
+                row = job.result()
             except BrokenProcessPool:
                 row = BatchRow(paths[number], None, "the process that scored it was killed: not enough memory?", 4)
         rows[number] = row
@@ -131,9 +137,35 @@ def score_many(
     return [rows[number] for number in range(len(paths))]
 
 
-def _pool(workers: int) -> ProcessPoolExecutor:
+@contextmanager
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Give processes that end with the block: at once where it is interrupted."""
+    others = set(active_children())
     # A fresh interpreter each: a fork would inherit the progress bar's thread and its locks.
-    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in set(active_children()) - others:
+            process.terminate()
+            process.join()
+        raise
+    finally:
+        pool.shutdown()
+
+
+@contextmanager
+def _interrupts_not_inherited() -> Iterator[None]:
+    """Start processes that leave Ctrl-C, which reaches all of a terminal's, to this one."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def score_row(path: Path, options: ScoreOptions | None, reading: ReadOptions | None, window: Window | None) -> BatchRow:

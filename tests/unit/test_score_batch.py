@@ -2,6 +2,8 @@
 
 import os
 import signal
+import threading
+from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,28 @@ def deadly(path, *_how):
     if path.name == "deadly.csv":
         os.kill(os.getpid(), signal.SIGKILL)
     return batch.BatchRow(path, {"theta_bar_deg": 1.0}, None, 0)
+
+
+def endless(path, *_how):
+    """Score the first file at once and none of the others ever; Ctrl-C must not reach this process."""
+    assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    if path.name != "first.csv":
+        threading.Event().wait()
+    return batch.BatchRow(path, None, None, 0)
+
+
+def test_an_interrupt_ends_the_processes(monkeypatch):
+    monkeypatch.setattr(batch, "score_row", endless)
+    others = active_children()
+
+    def interrupted(row):
+        assert row.exit_code == 0
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        batch.score_many([Path(name) for name in ("first.csv", "b.csv", "c.csv")], interrupted, workers=2)
+    assert active_children() == others
+    assert signal.getsignal(signal.SIGINT) != signal.SIG_IGN
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
