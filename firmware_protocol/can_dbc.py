@@ -197,16 +197,18 @@ _CLASSIC: tuple[_Message, ...] = (
             _Signal("SampleCounter", 0, 32),
             _Signal("Flags", 32, 8, comment="1 still, 2 overrange, 4 saturated, 8 calibrated."),
             _Signal("RateHz", 40, 16, unit="Hz"),
-            _Signal("BootTag", 56, 8, comment="Differs between objects and boots; 0 where unknown."),
+            _Signal("BootTag", 56, 8, comment="1-255, another one for every object and boot; 0 where unknown."),
         ),
-        "From this sample on: flags and rate. Sent when they change and before every TIME.",
+        "From this sample on: flags and rate. Sent when they change, and before every TIME that is due.",
     ),
     _Message(
         "TIME",
         CanFunction.TIME,
         8,
         (_Signal("SampleCounter", 0, 32), _Signal("DeviceTimeUs", 32, 32, unit="us")),
-        "Device time of the sample with this counter. Other samples: + round((counter - this one) * 1000000 / RateHz).",
+        "Device time of the sample with this counter. Later ones: + round((counter - this one) * 1000000 / RateHz). "
+        "Due before the first sample, and where the counter is a multiple of the largest power of two that is at most "
+        "RateHz / 5 and 64.",
     ),
     _Message("ORIENTATION", CanFunction.ORIENTATION, 8, _orientation(), RECONSTRUCTION),
     _Message("STATUS", CanFunction.STATUS, 8, _STATUS, "Health of the object in five frames, at least once a second."),

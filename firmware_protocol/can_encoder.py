@@ -200,12 +200,12 @@ class CanObject:
         state = SampleState(counter, flags, self._rate_hz, self._tag)
         told = self._state
         changed = told is None or (told.flags, told.rate_hz, told.tag) != (flags, self._rate_hz, self._tag)
-        due = self._mark is None or self._is_due(counter, self._mark.counter) or self._off_grid(counter, time_us)
+        due = self._mark is None or self._is_due(counter, self._mark.counter)
         frames = []
         if changed or due:
             self._state = state
             frames.append(CanFrame(arbitration_id(CanFunction.SAMPLE_STATE, self.node), state.to_bytes()))
-        if due or (changed and told is not None and told.rate_hz != self._rate_hz):
+        if due or self._off_grid(counter, time_us) or (told is not None and told.rate_hz != self._rate_hz):
             self._mark = TimeMark(counter, time_us)
             frames.append(CanFrame(arbitration_id(CanFunction.TIME, self.node), self._mark.to_bytes()))
         if self.fd:

@@ -10,16 +10,16 @@ only). 29-bit ids, ids below 0x020 and functions not listed are other people's.
   component left out in bits 62-63, then 18 bits each; :mod:`firmware_protocol.quantization`). All ones: the object has
   no orientation just now.
 - SAMPLE_STATE: sample counter u32, flags u8, rate u16 Hz, boot tag u8. "From this sample on": the flags of a sample are
-  those of the last SAMPLE_STATE, so it is sent whenever they change, and before every TIME.
-- TIME: sample counter u32 and the device time u32 µs of the sample with that counter. Sent before that sample, at least
-  every :func:`time_interval` samples, so that the eight bits above are never ambiguous for longer than that.
+  those of the last SAMPLE_STATE, so it is sent whenever they change, and before every TIME that is due.
+- TIME: sample counter u32 and the device time u32 µs of the sample with that counter. Sent before that sample, due at
+  least every :func:`time_interval` samples, so that the eight bits above are never ambiguous for longer than that.
 - STATUS: five frames, byte 0 = page. RAW_IMU: one frame for the gyro and one for the accelerometer.
   TIME_REPLY: one frame for each reading. So everything but INFO needs no flow control, and a listener that never sends
   sees it.
 - Longer packets (INFO, and what newer versions add): ISO-TP (ISO 15765-2), normal addressing, in both directions.
 
 **Device time** of a sample between two TIME frames follows from its counter: :func:`sample_times_us`. An object whose
-samples leave that grid by more than ``GRID_TOLERANCE_US`` says so with another TIME.
+samples leave that grid by more than ``GRID_TOLERANCE_US`` says so with another TIME, alone.
 
 **CAN FD frames** (bit 10 set, bit rate switch on) carry whole packets: a length byte, the packet, zeros to the next
 length that CAN FD has. TIME and SAMPLE_STATE stay, classic in form, at the same intervals; they tell objects apart.

@@ -34,13 +34,18 @@ def limit(file_bytes: int) -> None:
 
 def main(path: Path) -> int:
     """Read the file; 0 when it was sound to its end."""
-    limit(path.stat().st_size)
+    size = path.stat().st_size
+    limit(size)
     try:
         with can.BLFReader(path) as reader:
             write_chunks(reader, sys.stdout.buffer)
+            whole = reader.file_size
     except Exception as error:  # noqa: BLE001 - a damaged file makes it raise anything
         sys.stdout.buffer.flush()
         sys.stderr.write(f"{type(error).__name__}: {error}\n")
+        return 1
+    if size < whole:  # the library takes the end of the file for the end of the log
+        sys.stderr.write(f"it is cut: {size} of {whole} bytes are there\n")
         return 1
     return 0
 

@@ -18,7 +18,7 @@ from host.errors import FileError
 from host.recording.recorded_trial import assemble
 from host.transports.can_log import can_log_kind, read_can_log
 from host.transports.chunks import FrameChunk
-from tests.can_traffic import object_at, timed
+from tests.can_traffic import is_sample, object_at, timed
 from tests.emulated_packets import trial_packets
 
 KINDS = {"candump": ".log", "ASC": ".asc", "CSV": ".csv", "BLF": ".blf"}
@@ -112,6 +112,15 @@ def test_mutated_blf_files_end_in_time_and_in_words(
         path.write_bytes(bytes(data[: rng.randrange(200, len(data))]) if number == 5 else bytes(data))
         with contextlib.suppress(FileError):  # nothing else may come of it, and it must end
             assemble(read_can_log(path).chunks, "log")
+
+
+def test_a_blf_that_is_cut_is_read_up_to_there_and_told(frames: list[CanFrame], tmp_path: Path) -> None:
+    path = write_log(tmp_path / "sound.blf", frames)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 2 // 3])
+    log = read_can_log(path)
+    assert f"of {len(data)} bytes are there" in log.damage[0]
+    assert 0 < len(assemble(log.chunks, "log").series) < sum(map(is_sample, frames))
 
 
 def test_a_blf_reader_that_never_ends_is_stopped(
