@@ -15,14 +15,14 @@ from host.errors import LinkError
 from host.plain_text import plain
 
 READY_S = 30.0
-STOP_S = 5.0
+STOP_S = 20.0
 
 
 class VirtualObjectProcess:
     """A virtual object that runs beside us, on a pty (on Windows, which has none, on a TCP port).
 
     Entering waits until it can be reached. It is no child of the terminal: Ctrl-C reaches only us, so that a capture
-    can end in order before its object goes.
+    can end in order before its object goes. It ends when its input does, so also when we are killed.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class VirtualObjectProcess:
         self._truth_path = Path(self._folder.name) / "truth.json"
         address = "tcp:0" if sys.platform == "win32" else f"pty:{Path(self._folder.name) / 'object'}"
         self._command = [sys.executable, "-P", "-m", "rotdrift", "emulate", "--scenario", scenario]
-        self._command += ["--link", address, "--truth", str(self._truth_path)]
+        self._command += ["--link", address, "--truth", str(self._truth_path), "--until-stdin-ends"]
         if seed is not None:
             self._command += ["--seed", str(seed)]
         self._process: subprocess.Popen[str] | None = None
@@ -50,7 +50,7 @@ class VirtualObjectProcess:
             new_group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
         self._process = subprocess.Popen(  # noqa: S603 - our own program
             self._command,
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -106,13 +106,13 @@ class VirtualObjectProcess:
         process = self._process
         if process is None:
             return
-        if process.poll() is None:
-            process.terminate()
-            try:
-                process.wait(STOP_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        assert process.stdin is not None
+        process.stdin.close()
+        try:
+            process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
         for stream in (process.stdout, process.stderr):
             if stream is not None:
                 stream.close()

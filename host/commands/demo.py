@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     sys.stdout.write(f"starting a virtual object (scenario {scenario}) ...\n")
     sys.stdout.flush()
     with VirtualObjectProcess(scenario) as virtual:
-        sys.stdout.write(f"capturing {args.cycles} cycles from {virtual.link}; Ctrl-C ends it early\n")
+        sys.stdout.write(f"capturing {args.cycles} cycles from {virtual.link}; Ctrl-C ends it\n")
         sys.stdout.flush()
         with StopSignals() as signals:
             finished = run_capture(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import threading
     from queue import SimpleQueue
 
     from emulator.faults import LiveFault
@@ -36,6 +38,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--faults-from-stdin",
         action="store_true",
         help="take faults as lines while it runs: stall for_s=2, unplug, reset, rates drop_probability=0.1, ...",
+    )
+    parser.add_argument(
+        "--until-stdin-ends", action="store_true", help="end with the input: for a program that runs an object"
     )
     parser.add_argument("--list", action="store_true", help="list the scenarios")
 
@@ -71,6 +76,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.duration:g} s is no duration", "give --duration in seconds, above 0")
     if args.seed is not None and not 0 <= args.seed < 2**32:
         raise UsageError(f"{args.seed} is no seed", "give --seed from 0 to 4294967295")
+    if args.faults_from_stdin and args.until_stdin_ends:
+        raise UsageError("faults that are typed and the end of the input do not go together", "give one of the two")
     if args.truth is not None and Path(args.truth).exists():
         raise FileError(f"{args.truth} exists already", "give another name with --truth, or move it away")
     try:
@@ -87,6 +94,8 @@ def run(args: argparse.Namespace) -> int:
     try:
         with StopSignals() as signals:
             live_faults = _faults_from_stdin() if args.faults_from_stdin else None
+            if args.until_stdin_ends:
+                _stop_with_stdin(signals.stop)
             run_object(
                 scenario,
                 link,
@@ -109,6 +118,20 @@ def run(args: argparse.Namespace) -> int:
 def _say_ready(host_uri: str) -> None:
     sys.stdout.write(f"ready: {host_uri}\n")
     sys.stdout.flush()
+
+
+def _stop_with_stdin(stop: threading.Event) -> None:
+    """Set ``stop`` when the input ends, as it does when whoever started us is gone, in whatever way."""
+    import os
+    import threading
+
+    def wait() -> None:
+        with contextlib.suppress(OSError):
+            while os.read(0, 4096):  # not through sys.stdin, whose lock a thread must not hold when Python ends
+                pass
+        stop.set()
+
+    threading.Thread(target=wait, name="rotdrift-stdin", daemon=True).start()
 
 
 def _faults_from_stdin() -> SimpleQueue[LiveFault]:

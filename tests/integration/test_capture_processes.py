@@ -209,6 +209,15 @@ def test_the_demonstration_compares_with_the_truth(tmp_path):
     assert json.loads((tmp_path / result).read_text())["valid"]
 
 
+def test_a_demonstration_that_is_killed_leaves_no_object_behind(tmp_path):
+    with started("demo", "--scenario", quick_scenario(tmp_path), cwd=tmp_path) as demo:
+        line = wait_for_line(demo, "capturing 10 cycles from serial:")[-1]
+        device = Path(line.split("serial:")[1].split(";")[0])
+        assert device.is_symlink()
+        demo.kill()
+        wait_for(lambda: not device.is_symlink(), what="the end of the object")
+
+
 def test_a_scenario_that_does_not_exist_stops_the_demonstration_with_a_sentence(tmp_path):
     failed = rotdrift("demo", "--scenario", "nonsense", cwd=tmp_path)
     assert "unknown scenario 'nonsense'" in failed.stderr

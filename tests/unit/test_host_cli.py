@@ -141,6 +141,7 @@ def test_an_output_that_knows_no_greek_is_no_failure(tmp_path):
         (["score", "."], 4, "folder"),
         (["emulate", "--scenario", "nonsense", "--link", "tcp:0"], 2, "choose one of"),
         (["emulate"], 2, "--link"),
+        (["emulate", "--link", "pty:", "--faults-from-stdin", "--until-stdin-ends"], 2, "give one of the two"),
         (["emulate", "--link", "smoke:signals"], 2, "no link 'smoke:signals'"),
         (["emulate", "--link", "tcp:0", "--duration", "0"], 2, "duration"),
         (["emulate", "--link", "tcp:0", "--seed", "-1"], 2, "-1 is no seed: give --seed from 0"),
