@@ -1,12 +1,14 @@
 """The stream decoder: what it delivers, how it groups, what it counts."""
 
 import dataclasses
+import math
 import random
+import struct
 
 import numpy as np
 import pytest
 
-from firmware_protocol import codec, stream
+from firmware_protocol import codec, quantization, stream
 from firmware_protocol.packets import GetInfo, Info, Orientation, OrientationBatch, PacketType, Status
 from firmware_protocol.serial_framing import encode_frame
 from firmware_protocol.stream import ForeignInfo, StreamDecoder, encode_command
@@ -91,6 +93,36 @@ def test_all_samples_of_a_newer_minor_version_are_read(batch_bytes, rng, monkeyp
     (batch,) = decoder.feed(content)
     assert batch.sequence.tolist() == list(range(300))
     assert decoder.counters.extended == 300
+
+
+def four_squares(total):
+    """Four integers whose squares add up to ``total``, the first two about as large."""
+    for w in range(math.isqrt(total // 2), 0, -1):
+        for x in range(math.isqrt(total - w * w), -1, -1):
+            rest = total - w * w - x * x
+            for y in range(math.isqrt(rest), math.isqrt(rest // 2) - 1, -1):
+                z = math.isqrt(rest - y * y)
+                if y * y + z * z == rest:
+                    return w, x, y, z
+    raise AssertionError(total)
+
+
+@pytest.mark.parametrize("batch_bytes", [1, 10**9], ids=["together", "one by one"])
+@pytest.mark.parametrize(
+    ("square", "taken"),
+    [
+        (quantization.Q15_MIN_SQUARE - 1, False),
+        (quantization.Q15_MIN_SQUARE, True),
+        (quantization.Q15_MAX_SQUARE, True),
+        (quantization.Q15_MAX_SQUARE + 1, False),
+    ],
+)
+def test_the_tolerance_of_the_norm_ends_where_it_says(square, taken, batch_bytes, monkeypatch):
+    monkeypatch.setattr(stream, "BATCH_BYTES", batch_bytes)
+    sample = encode_frame(struct.pack("<BHI4hB", PacketType.ORIENTATION, 1, 2, *four_squares(square), 0))
+    for n in (1, 2):
+        decoded = decode_fast(n * sample)
+        assert (len(decoded.items), decoded.counted["malformed"]) == ((n, 0) if taken else (0, n))
 
 
 @pytest.mark.parametrize("extra", [-1, 0, 1, 2], ids=lambda extra: f"{extra:+d} bytes")
