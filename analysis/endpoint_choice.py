@@ -35,7 +35,7 @@ class EndpointChoice:
     kind: str
     """What the values are: ``row``, ``sequence``, ``index`` (whichever of the two the recording has) or ``time_s``.
 
-    Times are seconds since the first sample.
+    Times are seconds since the first sample, or, where that is longer than the recording, its own time.
     """
     values: tuple[float, ...]
     """Strictly increasing."""

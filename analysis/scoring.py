@@ -64,8 +64,8 @@ def score_series(
     series
         The recording.
     window
-        (from, to): only end points between are taken, all of them. A bound at or after the first time stamp is the
-        recording's own time; an earlier one is seconds since the first sample. None in a place leaves that side open.
+        (from, to): only end points between are taken, all of them. Seconds since the first sample; what is longer
+        than the recording is its own time, e.g. Unix seconds. None in a place leaves that side open.
     endpoints
         End points chosen by a person; go before ``window``.
     baseline
@@ -218,18 +218,20 @@ def _own_time(series: OrientationSeries, window: tuple[float | None, float | Non
         raise SeriesError("the recording has no samples to take a window of")
     first, last = float(series.times_s[0]), float(series.times_s[-1])
 
-    def own(bound: float | None, default: float) -> float:
-        if bound is None:
-            return default
-        return bound if bound >= first else bound + first
-
-    start, end = own(window[0], first), own(window[1], last)
+    start = first if window[0] is None else _at(series, window[0])
+    end = last if window[1] is None else _at(series, window[1])
     if not (start < end and start <= last and end >= first):
         raise SeriesError(
             f"the window from {start - first:.3f} s to {end - first:.3f} s holds nothing: the recording lasts "
             f"{last - first:.3f} s"
         )
     return start, end
+
+
+def _at(series: OrientationSeries, value_s: float) -> float:
+    """Turn a time as given into the recording's own: it is since the first sample unless longer than the recording."""
+    first = float(series.times_s[0])
+    return value_s if value_s > series.duration_s and value_s >= first else first + value_s
 
 
 def _chosen(series: OrientationSeries, choice: EndpointChoice) -> tuple[ScoredEndpoint, ...]:
@@ -245,8 +247,8 @@ def _chosen(series: OrientationSeries, choice: EndpointChoice) -> tuple[ScoredEn
     usual_s = float(np.median(np.diff(choice.values))) if len(choice.values) > 1 else float("inf")
     widest_s = max(MAX_GAP * usual_s, 3.0 * series.interval_s)
     for k, value in enumerate(choice.values):
-        time_s = float(series.times_s[0]) + value
-        if not 0.0 <= value <= series.duration_s:
+        time_s = _at(series, value)
+        if not series.times_s[0] <= time_s <= series.times_s[-1]:
             raise SeriesError(
                 f"end point {k + 1} at {value:g} s is outside the recording (0 to {series.duration_s:g} s)"
             )

@@ -180,6 +180,8 @@ def test_window_in_seconds_since_the_start_or_in_the_recording_s_time(trial):
     begin, end = trial.endpoint_s[2] - 1.0, trial.endpoint_s[7] + 1.0
     relative = score_series(shifted, window=(begin, end))
     own = score_series(shifted, window=(1.5e9 + begin, 1.5e9 + end))
+    with pytest.raises(SeriesError, match=r"from 1000\.000 s to .* holds nothing"):
+        score_series(shifted, window=(1000.0, None))
     plain = score_series(trial.series, window=(begin, end))
     assert len(relative.endpoints) == len(own.endpoints) == len(plain.endpoints) == 6
     assert relative.theta_bar_deg == pytest.approx(plain.theta_bar_deg, abs=1e-4)
@@ -187,6 +189,26 @@ def test_window_in_seconds_since_the_start_or_in_the_recording_s_time(trial):
     assert relative.window.from_s == 1.5e9 + begin
     assert len(relative.automatic.indices) == 10
     assert plain.theta_bar_deg == pytest.approx(0.8, abs=0.02)
+
+
+def test_seconds_are_since_the_first_sample_also_where_its_own_time_is_small(trial):
+    begin, end = trial.endpoint_s[3] - 1.0, trial.endpoint_s[6] + 1.0
+    plain = score_series(trial.series, window=(begin, end))
+    since_boot = replace(trial.series, times_s=trial.series.times_s + 7.0)  # a device that ran for 7 s before
+    score = score_series(since_boot, window=(begin, end))
+    assert [point.index for point in score.endpoints] == [point.index for point in plain.endpoints]
+    assert score.window.from_s == begin + 7.0
+
+
+def test_end_points_by_time_as_the_result_names_them(trial):
+    shifted = replace(trial.series, times_s=trial.series.times_s + 1.5e9)
+    found = score_series(shifted)
+    times = tuple(point.time_s for point in found.endpoints)
+    again = score_series(shifted, endpoints=EndpointChoice("time_s", times))
+    assert [point.index for point in again.endpoints] == [point.index for point in found.endpoints]
+    assert again.theta_bar_deg == pytest.approx(found.theta_bar_deg, abs=0.01)
+    since = EndpointChoice("time_s", tuple(time - 1.5e9 for time in times))
+    assert score_series(shifted, endpoints=since).theta_bar_deg == pytest.approx(again.theta_bar_deg, abs=1e-6)
 
 
 def test_half_open_windows(trial):
