@@ -22,7 +22,7 @@ from host.link_uri import LinkUri
 from host.plain_text import plain
 from host.transports.serial_errors import translate_open_error
 from host.transports.slcan_bus import ChunkedSlcanBus
-from host.transports.socketcan_kernel import is_down, lengthen_queue
+from host.transports.socketcan_kernel import is_down, lengthen_queue, queue_of
 from host.transports.socketcand_bus import WatchedSocketcandBus
 
 # Without a handler of their own, python-can's warnings would go to the terminal, into the middle of a display.
@@ -131,8 +131,8 @@ def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries:
     LinkError, UsageError
         It does not open; says why and what to do.
     """
-    options = _bus_options(settings)
     try:
+        options = _bus_options(settings)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # python-can's own deprecations are not the user's
             bus: can.BusABC
@@ -147,14 +147,13 @@ def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries:
             time.sleep(0.05)  # a server for one client may not have noticed yet that the last one has gone
             return open_bus(settings, name, existing_ports, tries - 1)
         raise _open_error(error, settings, name, existing_ports) from error
-    if settings.interface == "socketcan":
-        if is_down(settings.channel):
-            bus.shutdown()
-            raise LinkError(
-                f"the CAN interface {settings.channel} is down",
-                f"`sudo ip link set {settings.channel} up type can bitrate {settings.bitrate}`",
-            )
-        lengthen_queue(bus)
+    if settings.interface == "socketcan" and is_down(settings.channel):
+        bus.shutdown()
+        raise LinkError(
+            f"the CAN interface {settings.channel} is down",
+            f"`sudo ip link set {settings.channel} up type can bitrate {settings.bitrate}`",
+        )
+    lengthen_queue(bus)
     if settings.interface == "udp_multicast":
         _hear_own_group_only(bus)
     if settings.interface == "slcan":
@@ -192,6 +191,11 @@ def _bus_options(settings: CanSettings) -> dict[str, Any]:
     if settings.interface == "virtual":
         options["protocol"] = can.CanProtocol.CAN_FD if settings.fd else can.CanProtocol.CAN_20
         return options
+    if settings.fd and settings.interface == "pcan":
+        # Its driver wants the timing of every part of a bit; other adapters know what a bit rate means.
+        options["timing"] = can.BitTimingFd.from_sample_point(
+            80_000_000, settings.bitrate, 80.0, settings.data_bitrate, 80.0
+        )
     if settings.listen_only and settings.interface == "pcan":
         options["state"] = can.BusState.PASSIVE
     if settings.listen_only and settings.interface == "kvaser":
@@ -207,7 +211,7 @@ def _bus_options(settings: CanSettings) -> dict[str, Any]:
 
 def _hear_own_group_only(bus: Any) -> None:  # noqa: ANN401 (its socket is no part of BusABC)
     """On Linux, a socket gets what is sent to any group that anybody on this machine has joined: end that."""
-    sock = getattr(getattr(bus, "_multicast", None), "_socket", None)
+    sock = queue_of(bus)
     if sock is not None and sys.platform == "linux":
         level, option = (41, 29) if sock.family == socket.AF_INET6 else (0, 49)  # IPV6_/IP_MULTICAST_ALL
         with contextlib.suppress(OSError):

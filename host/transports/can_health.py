@@ -30,7 +30,7 @@ class BusHealth:
     overruns: int = 0
     """Times the controller lost frames because nobody took them."""
     dropped_frames: int = 0
-    """Frames the kernel had no room for because nobody took them; only SocketCAN tells."""
+    """Frames the kernel had no room for because nobody took them; SocketCAN and udp_multicast tell."""
     unsent: int = 0
     """Times the controller had no room for a frame to be sent."""
     unacknowledged: int = 0

@@ -1,4 +1,4 @@
-"""What the Linux kernel knows of a SocketCAN link: whether the interface is up, and what its queue had to drop.
+"""What the Linux kernel knows of a CAN link: whether the interface is up, and what the queue of its socket had to drop.
 
 By default the queue holds some 270 frames: a computer that is busy for a quarter of a second loses samples of an object
 at 1000 Hz. Without privileges it can be made as long as ``net.core.rmem_max`` allows: twice the default, mostly.
@@ -35,10 +35,16 @@ def interface_index(interface: str) -> int:
         return 0
 
 
-def lengthen_queue(bus: Any) -> None:  # noqa: ANN401 (its socket is no part of BusABC)
+def queue_of(bus: Any) -> socket.socket | None:  # noqa: ANN401 (its socket is no part of BusABC)
+    """Return the socket whose queue holds what was received: that of SocketCAN and of udp_multicast; None elsewhere."""
+    sock = getattr(bus, "socket", None) or getattr(getattr(bus, "_multicast", None), "_socket", None)
+    return sock if isinstance(sock, socket.socket) else None
+
+
+def lengthen_queue(bus: Any) -> None:  # noqa: ANN401
     """Make the queue as long as the system allows; on other systems and buses nothing happens."""
-    sock = getattr(bus, "socket", None)
-    if not isinstance(sock, socket.socket):
+    sock = queue_of(bus)
+    if sock is None:
         return
     for option in (socket.SO_RCVBUF, _SO_RCVBUFFORCE):
         with contextlib.suppress(OSError):
@@ -47,8 +53,8 @@ def lengthen_queue(bus: Any) -> None:  # noqa: ANN401 (its socket is no part of 
 
 def dropped_frames(bus: Any) -> int:  # noqa: ANN401
     """Return how many frames the queue had no room for since the bus was opened; 0 where nobody tells."""
-    sock = getattr(bus, "socket", None)
-    if not isinstance(sock, socket.socket):
+    sock = queue_of(bus)
+    if sock is None:
         return 0
     with contextlib.suppress(OSError, struct.error):
         drops: int = _MEMINFO.unpack(sock.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))[-1]

@@ -147,7 +147,8 @@ def test_errors_of_an_interface_that_does_not_explain_them_are_told(request: pyt
         assert "errors on the bus" in transport.problems[0]
 
 
-def test_the_queue_of_a_socketcan_link_is_long_and_says_what_it_dropped() -> None:
+@pytest.mark.parametrize("is_multicast", [False, True])
+def test_the_queue_of_a_link_is_long_and_says_what_it_dropped(is_multicast: bool) -> None:
     import types
 
     from host.transports.socketcan_kernel import dropped_frames, lengthen_queue
@@ -157,6 +158,8 @@ def test_the_queue_of_a_socketcan_link_is_long_and_says_what_it_dropped() -> Non
     with kernel, ours:
         ours.bind(("127.0.0.1", 0))
         bus = types.SimpleNamespace(socket=ours)
+        if is_multicast:
+            bus = types.SimpleNamespace(_multicast=types.SimpleNamespace(_socket=ours))
         before = ours.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         lengthen_queue(bus)
         assert ours.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) >= before

@@ -288,6 +288,31 @@ def test_bit_rates_may_be_written_short() -> None:
     assert (settings.bitrate, settings.data_bitrate, settings.fd, settings.node) == (250_000, 5_000_000, True, 31)
 
 
+def test_a_pcan_adapter_is_told_the_timing_of_can_fd(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Through python-can's own bus, with a stand-in for the library of the maker."""
+    told: list[bytes] = []
+
+    class Library:
+        def GetValue(self, *_: object) -> tuple[int, bytes]:  # noqa: N802 (the library's names)
+            return 0, b"4.9.0"
+
+        def SetValue(self, *_: object) -> int:  # noqa: N802
+            return 0
+
+        def InitializeFD(self, _handle: object, timing: bytes) -> int:  # noqa: N802
+            told.append(timing)
+            raise OSError("no adapter")
+
+    monkeypatch.setattr("can.interfaces.pcan.pcan.PCANBasic", Library)
+    with pytest.raises(LinkError, match="does not open"):
+        open_transport("can:pcan:PCAN_USBBUS1?fd=1&bitrate=500k&data_bitrate=2M")
+    timing = dict(part.split("=") for part in told[0].decode().split(", "))
+    values = {name: int(value) for name, value in timing.items()}
+    for phase, bitrate in (("nom", 500_000), ("data", 2_000_000)):
+        quanta = 1 + values[f"{phase}_tseg1"] + values[f"{phase}_tseg2"]
+        assert values["f_clock"] == bitrate * values[f"{phase}_brp"] * quanta
+
+
 @pytest.mark.parametrize("name", ["slcan-pty", "slcan-socket"])
 def test_python_cans_own_slcan_bus_understands_the_adapter(name: str, request: pytest.FixtureRequest) -> None:
     with object_on(address_of(name, request)) as (uri, _):
