@@ -8,7 +8,8 @@ from __future__ import annotations
 import functools
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import matplotlib as mpl
@@ -65,9 +66,13 @@ _SETTINGS: Any = {
 }
 
 
-def style() -> Any:  # noqa: ANN401 - matplotlib's own context manager
-    """Return the context in which figures are made and saved; restores what was set before."""
-    return mpl.rc_context(_SETTINGS)
+@contextmanager
+def style() -> Iterator[None]:
+    """Make and save figures in here: no setting of the user counts (``matplotlibrc``), and all are restored."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_SETTINGS)
+        yield
 
 
 class PaperFigure(Figure):

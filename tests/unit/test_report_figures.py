@@ -47,6 +47,14 @@ def test_every_format_is_drawn_and_the_same_input_gives_the_same_bytes(trial):
             assert len(content) > 4000
 
 
+def test_settings_of_the_user_change_nothing(trial):
+    import matplotlib as mpl
+
+    once = draw_figures(trial, ("png",))
+    with mpl.rc_context({"axes.grid": True, "savefig.bbox": "tight", "image.cmap": "jet", "lines.markersize": 12}):
+        assert [figure.files for figure in draw_figures(trial, ("png",))] == [figure.files for figure in once]
+
+
 def test_a_trial_without_positions_has_all_figures_but_translation_and_no_setting_is_left_behind(trial):
     import matplotlib as mpl
 
