@@ -27,7 +27,8 @@ MAX_COORDINATE = 2e-5
 """Largest difference of a number in a drawing, points: they are written with six decimals."""
 MAX_PIXELS = 1e-3
 """Share of the bytes of a picture inside a PDF that may differ: there a palette may be ordered otherwise."""
-_NUMBER = re.compile(r"-?\d+\.?\d*(?:[eE][-+]?\d+)?|-?\.\d+")
+NUMBER = re.compile(r"-?\d+\.?\d*(?:[eE][-+]?\d+)?|-?\.\d+")
+"""A number in a text."""
 _MADE_ID = re.compile(r"\b([a-zA-Z]{1,6}?)([0-9a-f]{10})\b")  # matplotlib names clips and markers by their content
 _IMAGE = re.compile(r'(data:image/png;base64,)([A-Za-z0-9+/=\s]+)(?=")')
 _STREAM = re.compile(rb"stream\r?\n(.*?)\r?\nendstream", re.DOTALL)
@@ -159,9 +160,9 @@ def _same_text(claimed: str, made: str, exact: re.Pattern[str]) -> bool:
     """Whether two drawings differ in nothing but coordinates, and these by little; what can be read must be equal."""
     if claimed == made:
         return True
-    if exact.findall(claimed) != exact.findall(made) or _NUMBER.sub("#", claimed) != _NUMBER.sub("#", made):
+    if exact.findall(claimed) != exact.findall(made) or NUMBER.sub("#", claimed) != NUMBER.sub("#", made):
         return False
-    pairs = zip(_NUMBER.findall(claimed), _NUMBER.findall(made), strict=True)
+    pairs = zip(NUMBER.findall(claimed), NUMBER.findall(made), strict=True)
     return all(one == other or math.isclose(float(one), float(other), abs_tol=MAX_COORDINATE) for one, other in pairs)
 
 
@@ -230,6 +231,9 @@ def _same_parquet(claimed: bytes, made: bytes, *, same_library: bool) -> bool:
             if again.getvalue() != claimed:
                 return False
         pairs = [(one[name].to_numpy(), other[name].to_numpy()) for name in other.column_names]
-        return all(np.allclose(*pair, rtol=1e-9, atol=1e-9) for pair in pairs)
+        return all(
+            np.array_equal(*pair) if pair[1].dtype.kind == "i" else np.allclose(*pair, rtol=1e-14, atol=1e-9)
+            for pair in pairs
+        )
     except (lib.ArrowException, OSError, ValueError, TypeError):
         return False

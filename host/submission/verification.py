@@ -24,12 +24,12 @@ from analysis.reporting.errors import BundleError
 from host.errors import FileError, HostError
 from host.plain_text import plain
 from host.submission.contents import build_submission, made_with
-from host.submission.drawn_comparison import ComparisonUnavailableError, shows_the_same
+from host.submission.drawn_comparison import NUMBER, ComparisonUnavailableError, shows_the_same
 from host.submission.format import SCORE_VERSION, parse_submission
 from host.submission.source import sources_in
 
-TOLERANCE = 1e-9
-"""Numbers that differ by less, absolutely or relatively, are equal: other processors round otherwise."""
+ABSOLUTE, RELATIVE = 1e-9, 1e-14
+"""Numbers that differ by less than either are equal: other processors round otherwise. Whole numbers are exact."""
 MAX_DIFFERENCES = 20
 """Differences listed per file; the rest is counted."""
 _PICTURE = re.compile(rb"data:image/[^\"]*|Size: [0-9.]+ MB")
@@ -253,7 +253,9 @@ def _content_differences(name: str, claimed: bytes, made: bytes) -> list[str]:
         elif name.endswith(".csv"):
             found = list(_table_differences(_rows(claimed), _rows(made)))
         else:
-            found = ["differs"]
+            return ["differs"]
+        if not found and NUMBER.sub("#", claimed.decode()) != NUMBER.sub("#", made.decode()):
+            found = ["the same values are written otherwise: order, spaces or line ends"]
     except (ValueError, OverflowError, csv.Error, RecursionError) as error:
         return [f"cannot be read ({plain(error)})"]
     if len(found) > MAX_DIFFERENCES:
@@ -293,12 +295,14 @@ def _table_differences(claimed: list[list[str]], made: list[list[str]]) -> Itera
     if len(claimed) != len(made):
         yield f"{len(claimed)} lines, recomputed {len(made)}"
         return
+    # Sequence numbers and counts are exact; a measured value may happen to be a whole number here and not there.
+    whole = [all(row[place].isdigit() for row in made[1:] if place < len(row)) for place in range(len(made[0]))]
     for number, (one, other) in enumerate(zip(claimed, made, strict=True), start=1):
         if len(one) != len(other):
             yield f"line {number} has {len(one)} cells, recomputed {len(other)}"
             continue
-        for cell, again, column in zip(one, other, made[0], strict=False):
-            if cell != again and not _equal(_number(cell), _number(again)):
+        for place, (cell, again, column) in enumerate(zip(one, other, made[0], strict=False)):
+            if cell != again and (whole[place] or not _equal(_number(cell), _number(again))):
                 by = _by(_number(cell), _number(again))
                 yield f"line {number}, {column}: {_shown(cell)}, recomputed {_shown(again)}{by}"
 
@@ -318,7 +322,9 @@ def _equal(one: object, other: object) -> bool:
     if isinstance(one, bool) or isinstance(other, bool):
         return one is other
     if isinstance(one, int | float) and isinstance(other, int | float):
-        return math.isclose(one, other, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
+        if isinstance(one, int) and isinstance(other, int):
+            return one == other
+        return math.isclose(one, other, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
     return type(one) is type(other) and one == other
 
 

@@ -94,6 +94,10 @@ def test_parquet_is_compared_value_by_value():
     assert near != ours
     assert shows_the_same("samples.parquet", near, ours)
     assert not shows_the_same("samples.parquet", far, ours)
+    since_1970 = [parquet_bytes(OrientationSeries(times_s + 1.6e9 + off, quats, np.arange(50))) for off in (0.0, 1e-3)]
+    assert not shows_the_same("samples.parquet", *since_1970)
+    rows = [parquet_bytes(OrientationSeries(times_s, quats, np.arange(50) + 2**40 + off)) for off in (0, 1)]
+    assert not shows_the_same("samples.parquet", *rows)
     for place in range(0, len(ours), 7):
         flipped = bytearray(ours)
         flipped[place] ^= 1

@@ -98,7 +98,7 @@ def altered(value):
     if isinstance(value, int):
         return value + 1
     if isinstance(value, float):
-        return value + 1e-8 * max(abs(value), 1.0)
+        return value + 2e-9 + 1e-13 * abs(value)
     return 0.5 if value is None else f"{value}x"
 
 
@@ -108,11 +108,19 @@ def put(values, path, value):
     values[path[-1]] = value
 
 
+def laid_out(values, like):
+    """JSON in the layout of another."""
+    indent = 1 if like[2:4] == b' "' else 2
+    text = (json.dumps(values, indent=indent, ensure_ascii=False) + "\n").encode()
+    assert text.count(b"\n") == like.count(b"\n")
+    return text
+
+
 def json_mutants(data):
     for path, value in list(leaves(json.loads(data))):
         values = json.loads(data)
         put(values, path, altered(value))
-        yield path, json.dumps(values).encode()
+        yield path, laid_out(values, data)
 
 
 def csv_mutants(data, rng, most):
@@ -141,6 +149,7 @@ def test_every_value_of_every_json_file_is_found(undrawn, verified):
             count += 1
             # The title is the maker's own choice: it stands in the report as well, and is found there.
             assert not found.equal or path == ("title",), (name, path)
+            assert "written otherwise" not in str(found.differences)
     assert count > 250
 
 
@@ -196,7 +205,7 @@ def differs(one, other):
     except (UnicodeDecodeError, ValueError):
         return True
     return len(first) != len(second) or any(
-        type(a) is not type(b) or (a != b and (isinstance(a, str) or abs(a - b) > 1e-9 * max(abs(a), 1.0)))
+        type(a) is not type(b) or (a != b and (isinstance(a, str) or abs(a - b) > max(1e-9, 1e-14 * abs(a))))
         for a, b in zip(first, second, strict=True)
     )
 
@@ -210,6 +219,29 @@ def test_numbers_and_words_of_the_reports_are_found(drawn, verified):
         digit = str((int(page[match.end() - 1]) + 1) % 10)
         changed = page[: match.end() - 1] + digit + page[match.end() :]
         assert not verified(drawn.files, changed={"report.html": changed.encode()}).equal
+
+
+def test_whole_numbers_are_exact_and_large_ones_nearly(undrawn, verified):
+    name = next(name for name in undrawn.files if name.endswith("roll--01/endpoints.csv"))
+    rows = undrawn.files[name].decode().splitlines(keepends=True)
+    number, row, *rest = rows[-1].split(",")
+    changed = "".join([*rows[:-1], ",".join((number, f"{row}.0000001", *rest))])
+    (difference,) = verified(undrawn.files, changed={name: changed.encode()}, drawings=False).differences
+    assert ", row: " in difference
+    equal = host.submission.verification._equal
+    assert not equal(2260724430, 2260724431)
+    assert not equal(1.6e9, 1.6e9 + 1e-4)  # s since 1970
+    assert equal(1.6e9, 1.6e9 + 5e-7)
+    assert equal(0.5, 0.5 + 5e-10)
+    assert not equal(0.5, 0.5 + 2e-9)
+
+
+def test_the_same_values_in_another_layout_are_found(undrawn, verified):
+    for name in ("submission.json", "summary.csv"):
+        for content in (undrawn.files[name] + b"\n", undrawn.files[name].replace(b"\n", b"\r\n")):
+            found = verified(undrawn.files, changed={name: content}, drawings=False)
+            assert not found.equal
+            assert name in found.differences[0]
 
 
 def test_a_name_that_stands_twice_is_found(undrawn, verified):
