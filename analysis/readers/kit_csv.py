@@ -153,7 +153,8 @@ def _angle_warnings(angles_rad: FloatArray) -> tuple[str, ...]:
 
 def _compare(quats_xyzw: FloatArray, from_angles: FloatArray) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Compare the two orientations of every row: a note when they agree, a warning when not."""
-    norms = np.linalg.norm(quats_xyzw, axis=1)
+    with np.errstate(over="ignore"):  # numbers beyond all reason are no unit quaternions either
+        norms = np.linalg.norm(quats_xyzw, axis=1)
     usable = np.abs(norms - 1.0) < 1e-2
     if not usable.any():
         return (), ("the quaternion columns hold no unit quaternions; the Euler angles were used",)

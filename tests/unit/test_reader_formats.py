@@ -27,12 +27,13 @@ def test_t42(tmp_path, quaternion):
     assert any("agree" in note for note in series.notes) == quaternion
 
 
-def test_t42_whose_quaternion_disagrees(tmp_path):
+@pytest.mark.parametrize("quaternion", [["0", "0", "0", "1"], ["1e308", "1e308", "0", "0"], ["0", "0", "0", "0"]])
+def test_t42_whose_quaternion_disagrees(tmp_path, quaternion):
     path = tmp_path / "a.csv"
     files.t42(path, quaternion=True)
     lines = path.read_text().splitlines()
     cells = lines[1].split(",")
-    cells[8:12] = ["0", "0", "0", "1"]
+    cells[8:12] = quaternion
     path.write_text("\n".join([lines[0], ",".join(cells), *lines[2:]]))
     assert any("differ by up to" in warning for warning in read_series(path).warnings)
 
