@@ -63,33 +63,37 @@ def measure(
     before, after = swings(found, angle)
     bounds = np.concatenate(([0], found.points, [len(angle) - 1]))
     max_gap_s = max(settings.max_gap * period_s, 3.0 * samples.usual_step_s)
-    kept: list[Endpoint] = []
-    travel: list[tuple[float, float]] = []
-    refused: list[LeftOut] = []
-    for k in np.flatnonzero(found.upper == upper).tolist():
-        small = min(float(before[k]), float(after[k])) / settings.hysteresis  # below R where humps were passed over
-        depth = settings.dwell_depth * min(swing_rad, small)
-        first, last = dwell(angle, int(found.points[k]), int(bounds[k]), int(bounds[k + 2]), depth)
-        time_s = float(start_s + 0.5 * (first + last) * step_s)
-        gap_s = samples.bracket_s(time_s)
-        if gap_s > max_gap_s:
-            refused.append(LeftOut(time_s, f"inside a gap of {gap_s:.3g} s in the data", primary=False))
-            continue
-        stretch_s = samples.longest_step_s(start_s + first * step_s, start_s + last * step_s)
-        kept.append(
-            Endpoint(
-                time_s=time_s,
-                index=samples.nearest(time_s),
-                quat_wxyz=rotations.IDENTITY,  # all at once below
-                dwell_s=float((last - first) * step_s),
-                prominence_deg=float(np.degrees(min(before[k], after[k]))),
-                flags=("gap nearby",) if stretch_s > max_gap_s else (),
-            )
+    chosen = np.flatnonzero(found.upper == upper)
+    least = np.minimum(before, after)[chosen]
+    depths = settings.dwell_depth * np.minimum(swing_rad, least / settings.hysteresis)  # below R where humps are passed
+    dwells = [
+        dwell(angle, int(found.points[k]), int(bounds[k]), int(bounds[k + 2]), depth)
+        for k, depth in zip(chosen.tolist(), depths.tolist(), strict=True)
+    ]
+    first, last = np.array(dwells).reshape(-1, 2).T
+    times_s = start_s + 0.5 * (first + last) * step_s
+    gaps_s = samples.brackets_s(times_s)
+    near_gaps = samples.have_gaps(start_s + first * step_s, start_s + last * step_s, max_gap_s)
+    names = samples.nearest(times_s)
+    kept = np.flatnonzero(gaps_s <= max_gap_s)
+    quats = samples.orientations(times_s[kept], settings.average * period_s)
+    endpoints = tuple(
+        Endpoint(
+            time_s=float(times_s[k]),
+            index=int(names[k]),
+            quat_wxyz=quat,
+            dwell_s=float((last[k] - first[k]) * step_s),
+            prominence_deg=float(np.degrees(least[k])),
+            flags=("gap nearby",) if near_gaps[k] else (),
         )
-        travel.append((float(before[k]) / swing_rad, float(after[k]) / swing_rad))
-    quats = samples.orientations(np.array([point.time_s for point in kept]), settings.average * period_s)
-    kept = [replace(point, quat_wxyz=quat) for point, quat in zip(kept, quats, strict=True)]
-    return Extremes(tuple(kept), np.array(travel).reshape(-1, 2), tuple(refused))
+        for k, quat in zip(kept.tolist(), quats, strict=True)
+    )
+    refused = tuple(
+        LeftOut(float(times_s[k]), f"inside a gap of {gaps_s[k]:.3g} s in the data", primary=False)
+        for k in np.flatnonzero(gaps_s > max_gap_s).tolist()
+    )
+    travel = np.stack([before, after], axis=1)[chosen[kept]] / swing_rad
+    return Extremes(endpoints, travel, refused)
 
 
 def split_runs(extremes: Extremes, period_s: float, settings: CycleSettings) -> list[slice]:

@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from analysis import averages, rotations
 from analysis.series import FloatArray, IntArray, OrientationSeries
+
+BoolArray = npt.NDArray[np.bool_]
 
 MIN_STEP_S = 1e-4
 """Samples closer than this to the one before are double deliveries of the same moment, s."""
 
 _GROUP = 256  # moments averaged together
-_MAX_TRIPLES = 100_000
+_MAX_TRIPLES = 20_000  # their median is good to a hundredth
 _MIN_OUTLIER_RAD = np.radians(0.5)
 _OUTLIER_FACTOR = 5.0
 
@@ -51,25 +54,27 @@ class Samples:
         step_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else float("nan")
         return Samples(times_s, quats, index, step_s, sample_noise_rad(quats), len(outliers))
 
-    def bracket_s(self, time_s: float) -> float:
-        """Distance between the samples around a moment, s; infinite outside the data."""
-        right = int(np.searchsorted(self.times_s, time_s))
-        if right == 0 or right == len(self.times_s):
-            return 0.0 if time_s in (self.times_s[0], self.times_s[-1]) else float("inf")
-        return float(self.times_s[right] - self.times_s[right - 1])
+    def brackets_s(self, moments_s: FloatArray) -> FloatArray:
+        """(k,) distance between the samples around each of k moments, s; infinite outside the data."""
+        times_s, n = self.times_s, len(self.times_s)
+        right = np.searchsorted(times_s, moments_s)
+        inside = (right > 0) & (right < n)
+        found = np.where(moments_s == times_s[0], 0.0, np.inf)
+        found[inside] = times_s[right[inside]] - times_s[right[inside] - 1]
+        return found
 
-    def longest_step_s(self, start_s: float, end_s: float) -> float:
-        """Longest distance between neighbouring samples in a stretch, s."""
-        first = max(int(np.searchsorted(self.times_s, start_s)) - 1, 0)
-        last = int(np.searchsorted(self.times_s, end_s)) + 1
-        steps = np.diff(self.times_s[first:last])
-        return float(steps.max()) if len(steps) else float("inf")
+    def have_gaps(self, starts_s: FloatArray, ends_s: FloatArray, longest_s: float) -> BoolArray:
+        """(k,) whether neighbouring samples within each of k stretches, or at its ends, are further apart than that."""
+        gaps = np.flatnonzero(np.diff(self.times_s) > longest_s)
+        first = np.maximum(np.searchsorted(self.times_s, starts_s) - 1, 0)
+        last = np.searchsorted(self.times_s, ends_s)
+        return np.asarray(np.searchsorted(gaps, first) < np.searchsorted(gaps, last))
 
-    def nearest(self, time_s: float) -> int:
-        """Name of the sample nearest to a moment."""
-        right = int(np.clip(np.searchsorted(self.times_s, time_s), 1, len(self.times_s) - 1))
-        nearer_left = time_s - self.times_s[right - 1] <= self.times_s[right] - time_s
-        return int(self.index[right - 1 if nearer_left else right])
+    def nearest(self, moments_s: FloatArray) -> IntArray:
+        """(k,) names of the samples nearest to k moments."""
+        right = np.clip(np.searchsorted(self.times_s, moments_s), 1, len(self.times_s) - 1)
+        nearer_left = moments_s - self.times_s[right - 1] <= self.times_s[right] - moments_s
+        return np.asarray(self.index[right - nearer_left])
 
     def orientations(self, moments_s: FloatArray, reach_s: float) -> FloatArray:
         """(k, 4) average of the samples around each of k moments, weights falling linearly to 0 at ``reach_s``.

@@ -195,9 +195,11 @@ def test_an_average_over_time_is_not_pulled_by_lost_samples():
     samples = Samples.of(OrientationSeries(t[keep], quats[keep], np.arange(400)[keep]))
     got = Rotation.from_quat(samples.orientations(np.array([0.2]), 0.05)[0], scalar_first=True)
     assert np.degrees(got.magnitude()) == pytest.approx(6.0, abs=0.01)
-    assert samples.nearest(0.2004) == 200
-    assert samples.bracket_s(0.1001) == pytest.approx(0.005)
-    assert samples.bracket_s(0.9) == float("inf")
+    assert samples.nearest(np.array([-1.0, 0.0, 0.0024, 0.2004, 0.9])).tolist() == [0, 0, 0, 200, 399]
+    around_s = samples.brackets_s(np.array([-0.1, 0.0, 0.1001, 0.399, 0.9]))
+    assert around_s == pytest.approx([np.inf, 0.0, 0.005, 0.001, np.inf])
+    starts_s, ends_s = np.array([0.1, 0.1999, 0.2, 0.2001, 0.0]), np.array([0.1001, 0.2, 0.21, 0.3, 0.004])
+    assert samples.have_gaps(starts_s, ends_s, 0.002).tolist() == [True, True, True, False, True]
 
 
 def test_a_pattern_of_humps_is_believed_after_four_cycles_and_given_up_when_it_breaks():
