@@ -16,7 +16,6 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from analysis.series import OrientationSeries
 from firmware_protocol.packets import Event, Info, OrientationBatch, Status
 from firmware_protocol.stream import StreamItem
 from host.clock.device_clock import ClockUnwrapper
@@ -299,7 +298,7 @@ class SampleAssembler:
         time_s = self._offset_s + (times_us - self._origin_us) / 1e6
         self._newest_s = max(self._newest_s, float(time_s.max()))
         self._newest_host_ns = host_time_ns
-        index = numbers + self._index_shift
+        index = numbers + self._index_shift if self._index_shift else numbers
         self._next_index = max(self._next_index, int(index.max()) + 1)
         block = SampleBlock(
             segment=self._segment,
@@ -344,37 +343,3 @@ def _selected(block: SampleBlock, keep: npt.NDArray[np.bool_]) -> SampleBlock:
         flags=block.flags[keep],
         host_time_ns=block.host_time_ns,
     )
-
-
-def series_of(blocks: list[SampleBlock], source: str, notes: Iterable[str] = ()) -> OrientationSeries:
-    """Join blocks into one series, late samples put where they belong.
-
-    Parameters
-    ----------
-    blocks : list of SampleBlock
-        In wire order.
-    source : str
-        For people.
-    notes : iterable of str
-        What was met, for people.
-
-    Raises
-    ------
-    SeriesError
-        The samples cannot be a series.
-    """
-    notes = list(notes)
-    if not blocks:
-        empty = np.empty(0)
-        return OrientationSeries(empty, np.empty((0, 4)), np.empty(0, np.int64), "sequence", source=source)
-    index = np.concatenate([block.index for block in blocks])
-    time_s = np.concatenate([block.time_s for block in blocks])
-    quats = np.concatenate([block.quats_wxyz for block in blocks])
-    if not (index[1:] > index[:-1]).all():
-        order = np.argsort(index, kind="stable")
-        index, time_s, quats = index[order], time_s[order], quats[order]
-    if not (time_s[1:] > time_s[:-1]).all():
-        forward = time_s > np.concatenate(([-np.inf], np.maximum.accumulate(time_s)[:-1]))
-        notes.append(f"{int((~forward).sum())} samples whose device time did not increase were left out")
-        index, time_s, quats = index[forward], time_s[forward], quats[forward]
-    return OrientationSeries(time_s, quats, index, "sequence", source=source, notes=tuple(notes))

@@ -22,7 +22,7 @@ from host.recording.reader import RecordedMessage, RecordingHeader, RecordingRea
 from host.recording.round_trips import RecordedRoundTrips
 from host.recording.sample_arrivals import clock_values
 from host.recording.trial_assembly import MAX_EVENTS, TimedEvent, TrialAssembly
-from host.samples import SegmentStart, series_of
+from host.samples import SegmentStart
 from host.transports.chunks import AnyChunk
 
 
@@ -94,7 +94,7 @@ def assemble(
         for segment in assembler.segments[1:]
     ]
     return RecordedTrial(
-        series=series_of(assembly.blocks, source, notes),
+        series=assembly.samples.series(source, notes),
         losses=assembler.losses(assembly.link.damaged_frames),
         counters=assembly.link.counters,
         info=assembler.info,

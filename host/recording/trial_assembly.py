@@ -18,7 +18,8 @@ from host.link import Link, grouped, joined
 from host.recording.raw_stretch import RawStretch
 from host.recording.round_trips import RecordedRoundTrips
 from host.recording.sample_arrivals import SampleArrivals
-from host.samples import SampleAssembler, SampleBlock
+from host.sample_series import SampleGatherer
+from host.samples import SampleAssembler
 from host.transports.chunks import AnyChunk, FrameChunk
 
 IntArray = npt.NDArray[np.int64]
@@ -57,7 +58,7 @@ class TrialAssembly:
         self.assembler = SampleAssembler()
         self.arrivals = SampleArrivals()
         self.trips = trips or RecordedRoundTrips()
-        self.blocks: list[SampleBlock] = []
+        self.samples = SampleGatherer()
         self.events: list[TimedEvent] = []
         self.temperatures_c: list[float] = []
         self.reopened = 0
@@ -76,8 +77,8 @@ class TrialAssembly:
         """Take what the link still holds: nothing follows."""
         held = self.link.flush()
         self.arrivals.leave_out(held)
-        self.blocks += self.assembler.feed(held, self._heard_ns)
-        self.blocks += self.assembler.release()
+        self.samples.add(self.assembler.feed(held, self._heard_ns))
+        self.samples.add(self.assembler.release())
 
     def _feed_stretch(self, stretch: RawStretch) -> None:
         for item, ends in self.link.feed_stretch(stretch.data):
@@ -100,9 +101,9 @@ class TrialAssembly:
         block = self.assembler.feed_run(batch, times_ns)
         if block is not None:
             if len(block):
-                self.blocks.append(block)
+                self.samples.add([block])
         elif places[0] == places[-1]:
-            self.blocks += self.assembler.feed([batch], int(times_ns[0]))
+            self.samples.add(self.assembler.feed([batch], int(times_ns[0])))
             self._locate_waiting()
         else:
             half = int(np.searchsorted(places, (places[0] + places[-1]) // 2, side="right"))
@@ -110,7 +111,7 @@ class TrialAssembly:
                 self._feed_samples(_part(batch, part), places[part], times_ns[part])
 
     def _feed_other(self, item: StreamItem, host_time_ns: int) -> None:
-        self.blocks += self.assembler.feed([item], host_time_ns)
+        self.samples.add(self.assembler.feed([item], host_time_ns))
         if isinstance(item, Event):
             self._waiting.append((item, host_time_ns))
             self._locate_waiting()
@@ -142,7 +143,7 @@ class TrialAssembly:
             self.arrivals.leave_out(items)
         for item in items:
             if isinstance(item, OrientationBatch):
-                self.blocks += self.assembler.feed([item], self._heard_ns)
+                self.samples.add(self.assembler.feed([item], self._heard_ns))
                 self._locate_waiting()
             elif not isinstance(item, TimeReply):
                 self._feed_other(item, self._heard_ns)

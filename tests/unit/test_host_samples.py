@@ -9,7 +9,8 @@ from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Event, EventKind, Info, Orientation, OrientationBatch, Status
 from firmware_protocol.serial_framing import encode_frame
 from host.link import Link, coalesced
-from host.samples import SampleAssembler, series_of
+from host.sample_series import series_of
+from host.samples import SampleAssembler
 from host.transports.chunks import Chunk
 
 PERIOD_US = 5000

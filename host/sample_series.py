@@ -1,0 +1,71 @@
+"""Samples of a trial put together into one series as they come, each copied once: memory for an hour is what costs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from analysis.series import OrientationSeries
+from host.samples import SampleBlock
+
+FIRST_SAMPLES = 1 << 16
+GROWTH = 1.25
+"""Room is made for so many times what there is; most systems then only move pages, no bytes."""
+
+
+class SampleGatherer:
+    """Takes blocks in wire order."""
+
+    def __init__(self) -> None:
+        self._n = 0
+        self._index = np.empty(FIRST_SAMPLES, np.int64)
+        self._time_s = np.empty(FIRST_SAMPLES)
+        self._quats = np.empty((FIRST_SAMPLES, 4))
+
+    def add(self, blocks: Iterable[SampleBlock]) -> None:
+        """Append samples."""
+        for block in blocks:
+            first, last = self._n, self._n + len(block)
+            if last > len(self._index):
+                capacity = int(GROWTH * last)
+                self._index.resize(capacity, refcheck=False)  # nobody else has seen them
+                self._time_s.resize(capacity, refcheck=False)
+                self._quats.resize((capacity, 4), refcheck=False)
+            self._index[first:last] = block.index
+            self._time_s[first:last] = block.time_s
+            self._quats[first:last] = block.quats_wxyz
+            self._n = last
+
+    def series(self, source: str, notes: Iterable[str] = ()) -> OrientationSeries:
+        """Give the series, late samples put where they belong; nothing can be added after it.
+
+        Parameters
+        ----------
+        source : str
+            For people.
+        notes : iterable of str
+            What was met, for people.
+
+        Raises
+        ------
+        SeriesError
+            The samples cannot be a series.
+        """
+        notes = list(notes)
+        index, time_s, quats = self._index[: self._n], self._time_s[: self._n], self._quats[: self._n]
+        if not (index[1:] > index[:-1]).all():
+            order = np.argsort(index, kind="stable")
+            index, time_s, quats = index[order], time_s[order], quats[order]
+        if not (time_s[1:] > time_s[:-1]).all():
+            forward = time_s > np.concatenate(([-np.inf], np.maximum.accumulate(time_s)[:-1]))
+            notes.append(f"{int((~forward).sum())} samples whose device time did not increase were left out")
+            index, time_s, quats = index[forward], time_s[forward], quats[forward]
+        return OrientationSeries(time_s, quats, index, "sequence", source=source, notes=tuple(notes))
+
+
+def series_of(blocks: Iterable[SampleBlock], source: str, notes: Iterable[str] = ()) -> OrientationSeries:
+    """Join blocks in wire order into one series; see :meth:`SampleGatherer.series`."""
+    gatherer = SampleGatherer()
+    gatherer.add(blocks)
+    return gatherer.series(source, notes)
