@@ -37,7 +37,7 @@ from benchmarks.recording import peak_kib as peak
 from pathlib import Path
 from host.recording.recorded_trial import load_trial
 from host.scoring.result import ScoreOptions, score_trial
-import analysis.scoring, scipy.ndimage
+import analysis.scoring, scipy.fft, scipy.ndimage  # start-up has a topic of its own
 base = peak()
 start, wall = time.process_time(), time.perf_counter()
 trial = load_trial(Path(sys.argv[1]))
