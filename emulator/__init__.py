@@ -3,9 +3,9 @@
 Everything here is a pure function of given time and seed, but for :mod:`emulator.runner` and :mod:`emulator.links`,
 which meet the clock and the operating system. Errors, one tree::
 
-    EmulatorError
+    EmulatorError        as it is: the truth or a byte file cannot be written (names the file)
     ├── ScenarioError    a scenario is unknown, not TOML, or a value in it is out of range (names the key)
-    └── LinkError        a link cannot be opened: bad URI, port taken, path exists (names the mend)
+    └── LinkError        a link cannot be opened: bad URI, port or path taken (names the mend)
 """
 
 from __future__ import annotations

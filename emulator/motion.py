@@ -109,6 +109,13 @@ class DriftSettings:
     def __post_init__(self) -> None:
         check_settings(self)
 
+    def check_slip(self, cycles: int) -> None:
+        """Raise ScenarioError for a slip that is no step between the end points of so many cycles."""
+        if self.mode == "slip" and self.slip_cycle >= cycles:
+            raise ScenarioError(
+                f"drift.slip_cycle must be below motion.cycles ({cycles}): it is a step between end points"
+            )
+
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
@@ -146,10 +153,7 @@ def drift_vectors(settings: DriftSettings, cycles: int, seed: int) -> FloatArray
     elif settings.mode == "alternating":
         vectors[0::2] *= -1.0
     elif settings.mode == "slip":
-        if settings.slip_cycle >= cycles:
-            raise ScenarioError(
-                f"drift.slip_cycle must be below motion.cycles ({cycles}): it is a step between end points"
-            )
+        settings.check_slip(cycles)
         vectors[settings.slip_cycle] = np.radians(settings.slip_deg) * np.array(settings.axis)
     elif settings.mode == "random-walk":
         rng = np.random.default_rng([seed, _DRIFT_STREAM])

@@ -49,10 +49,7 @@ class Scenario:
 
     def __post_init__(self) -> None:
         check_settings(self)
-        if self.drift.mode == "slip" and self.drift.slip_cycle >= self.motion.cycles:
-            raise ScenarioError(
-                f"drift.slip_cycle must be below motion.cycles ({self.motion.cycles}): it is a step between end points"
-            )
+        self.drift.check_slip(self.motion.cycles)
         if not self.device.answers and self.motion.begins == "on-start":
             raise ScenarioError('an object that does not answer needs motion.begins = "at-power-up"')
 

@@ -12,6 +12,7 @@ from firmware_protocol.packets import PacketType
 from firmware_protocol.vectors import load_vectors
 from firmware_protocol.vectors.definitions import PACKETS
 from host.session import SessionSettings
+from host.transports.serial_port import DEFAULT_BAUD
 
 TEXT = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
 BITS = {"u8": 8, "u16": 16, "u32": 32, "u64": 64}
@@ -154,6 +155,7 @@ def test_numbers_in_the_text():
     assert "at most 0.0035°" in TEXT
     assert quantization.Q15_MAX_ERROR_DEG <= 0.0035
     assert f"{packets.MIN_RATE_HZ} to {packets.MAX_RATE_HZ}" in TEXT
+    assert f"with {DEFAULT_BAUD} baud" in TEXT
     from firmware_protocol.sequence import LATE_WINDOW
 
     assert f"at most {LATE_WINDOW} behind" in TEXT
