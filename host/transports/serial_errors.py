@@ -85,9 +85,10 @@ def translate_io_error(error: Exception, name: str) -> LinkLostError:
     """Say that an open link is gone, whatever family of exception said so."""
     if type(error).__name__ == "SerialTimeoutException":
         return LinkLostError(f"{name} takes no bytes any more", "check the cable and whether the object still runs")
-    return LinkLostError(
-        f"{name} is gone ({_reason(str(error)) or type(error).__name__})", "plug the object in again or restart it"
-    )
+    reason = _reason(str(error)) or type(error).__name__
+    if isinstance(error, TypeError | ValueError) or "returned no data" in reason:  # the driver's words explain nothing
+        reason = "unplugged, or another program reads it"
+    return LinkLostError(f"{name} is gone ({reason})", "plug the object in again or restart it")
 
 
 def _permission(target: str, platform: str) -> PortPermissionError:

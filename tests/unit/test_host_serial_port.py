@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import re
 import socket
 import sys
 import threading
@@ -181,6 +182,7 @@ def test_every_family_of_failures_is_one_lost_link(error):
     assert isinstance(told, LinkLostError)
     assert told.exit_code == 3
     assert "\n" not in str(told)
+    assert not re.search(r"NoneType|descriptor|returned no data", str(told))
 
 
 def test_who_holds_a_port_is_read_from_proc(tmp_path):
