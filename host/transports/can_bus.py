@@ -44,8 +44,8 @@ from host.transports.socketcan_kernel import dropped_frames, interface_index
 MAX_FRAMES = 1024
 """No read returns more."""
 SEND_TIMEOUT_S = 1.0
-KERNEL_NS = 250_000_000
-"""Between two questions to the kernel: what it had to drop, and whether the interface is still the same."""
+DRIVER_NS = 250_000_000
+"""Between two questions to kernel and driver: what was dropped, the bus state, whether it is still the same adapter."""
 ECHOING = frozenset({"udp_multicast"})
 """Interfaces that hand us what we sent ourselves, unasked."""
 SETTLING_S = 3.0
@@ -97,7 +97,7 @@ class CanTransport(ClosingTransport):
         self._channels: dict[bool, LongPacketChannel] = {}
         self._lock = threading.Lock()
         self._echoes: deque[tuple[int, bytes]] | None = deque(maxlen=64) if settings.interface in ECHOING else None
-        self._kernel_asked_ns = 0
+        self._driver_asked_ns = 0
         self._index = interface_index(settings.channel) if settings.interface == "socketcan" else 0
         self._closed = False
 
@@ -120,7 +120,7 @@ class CanTransport(ClosingTransport):
         """Wait for the next frame, at most ``timeout_s``, and take what else is there."""
         if self._closed:
             raise LinkLostError(f"{self.name} is closed")
-        self._ask_kernel()
+        self._ask_driver()
         frames: list[CanFrame] = []
         message = self._receive(timeout_s)
         while message is not None:
@@ -155,12 +155,15 @@ class CanTransport(ClosingTransport):
         with self._lock, contextlib.suppress(*IO_ERRORS):
             self._bus.shutdown()
 
-    def _ask_kernel(self) -> None:
+    def _ask_driver(self) -> None:
         now_ns = time.monotonic_ns()
-        if now_ns - self._kernel_asked_ns < KERNEL_NS:
+        if now_ns - self._driver_asked_ns < DRIVER_NS:
             return
-        self._kernel_asked_ns = now_ns
+        self._driver_asked_ns = now_ns
         self.health.dropped_frames = dropped_frames(self._bus)
+        with contextlib.suppress(*IO_ERRORS):
+            if self._bus.state is can.BusState.ERROR:  # of some drivers; most say "active" whatever happens
+                self.health.bus_off()
         if self._index and interface_index(self._settings.channel) != self._index:
             raise self._gone("it was pulled")
 

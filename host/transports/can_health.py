@@ -23,7 +23,7 @@ class BusHealth:
     """Counters and state of one bus."""
 
     state: str = "active"
-    """``active``, ``warning``, ``passive`` or ``bus-off``, as error frames tell; without them it stays active."""
+    """``active``, ``warning``, ``passive`` or ``bus-off``, as error frames or the driver tell; else it stays active."""
     error_frames: int = 0
     unexplained: int = 0
     """Of these, those of interfaces that do not say what the error was."""
@@ -51,6 +51,11 @@ class BusHealth:
     other_nodes: set[int] = field(default_factory=set)
     """Node ids of other objects heard."""
 
+    def bus_off(self) -> None:
+        """Take note that the controller has left the bus."""
+        self.bus_offs += self.state != "bus-off"
+        self.state = "bus-off"
+
     def error_frame(self, frame: CanFrame, interface: str) -> None:
         """Take an error frame; only SocketCAN says what the error was."""
         self.error_frames += 1
@@ -60,8 +65,7 @@ class BusHealth:
         kind = frame.arbitration_id & 0x1FFFFFFF
         detail = frame.data[1] if len(frame.data) > 1 else 0
         if kind & _BUS_OFF:
-            self.state = "bus-off"
-            self.bus_offs += 1
+            self.bus_off()
         elif kind & _RESTARTED:
             self.state = "active"
         if kind & _CONTROLLER:

@@ -118,6 +118,18 @@ def test_a_bus_off_that_ends_at_once_is_told_all_the_same() -> None:
         ]
 
 
+def test_a_driver_that_knows_of_bus_off_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    with bus_of_datagrams() as (transport, _):
+        assert transport.read(0.0) is None
+        assert transport.problems == ()
+        monkeypatch.setattr("host.transports.can_bus.DRIVER_NS", 0)
+        monkeypatch.setattr(can.BusABC, "state", can.BusState.ERROR)
+        for _ in range(3):
+            assert transport.read(0.0) is None
+        assert (transport.health.state, transport.health.bus_offs) == ("bus-off", 1)
+        assert "went bus-off" in transport.problems[0]
+
+
 def test_error_frames_among_samples_cost_no_sample_and_are_counted() -> None:
     link, items = Link(node=3), []
     frames = object_at(3).encode(sample_packets(300))
