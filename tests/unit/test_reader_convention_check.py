@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.readers.convention_check import convention_warnings
+from analysis.readers.convention_check import _wander_deg, convention_warnings
 from analysis.series import OrientationSeries
 
 N = 3000
@@ -41,6 +41,20 @@ def test_a_swing_of_a_few_degrees_is_enough_to_see_it():
     assert convention_warnings(series(small.as_quat(scalar_first=True), up)) == ()
     for wrong in (small.inv().as_quat(scalar_first=True), small.as_quat()):
         assert "gravity wanders" in convention_warnings(series(wrong, up))[0]
+
+
+def test_the_wandering_of_gravity_is_its_root_mean_square_angle():
+    tilted = 9.81 * Rotation.from_rotvec([np.radians(4.0), 0.0, 0.0]).apply([0.0, 0.0, 1.0])
+    forces = np.where(np.arange(N)[:, None] % 2, tilted, tilted * [1.0, -1.0, 1.0])
+    assert _wander_deg(np.tile([1.0, 0, 0, 0], (N, 1)), forces) == pytest.approx(4.0, rel=1e-3)
+
+
+def test_a_wandering_of_a_few_degrees_counts_if_another_reading_has_none():
+    tilt = Rotation.from_rotvec(np.outer(np.sin(TIMES), [np.radians(5.5), 0.0, 0.0]))
+    up = 9.81 * tilt.inv().apply([0.0, 0.0, 1.0])
+    (warning,) = convention_warnings(series(tilt.inv().as_quat(scalar_first=True), up))
+    assert "gravity wanders by 7.8 deg" in warning  # twice 5.5 over the root of two
+    assert "it would be 0.0 deg" in warning
 
 
 @pytest.mark.parametrize("scale", [1.0 / 9.81, 0.02, 100.0])
