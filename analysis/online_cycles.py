@@ -19,9 +19,10 @@ import numpy.typing as npt
 
 from analysis.cycle_analysis import CycleSettings, Endpoint
 from analysis.endpoints import pose_jumps
-from analysis.online_angle import BIN_S, AnglePoint, OnlineAngle, Quaternion
+from analysis.online_angle import BIN_S, AnglePoint, OnlineAngle
 from analysis.online_dwell import place_endpoint
 from analysis.online_humps import HumpFilter
+from analysis.online_outliers import OutlierFilter, TimedSample
 from analysis.online_state import OnlineState
 
 __all__ = ["OnlineCycleDetector", "OnlineState"]
@@ -52,7 +53,9 @@ class OnlineCycleDetector:
         self._settings = settings or CycleSettings()
         self._angle = OnlineAngle()
         self._ring: deque[AnglePoint] = deque(maxlen=_RING)
-        self._bin: list[tuple[float, Quaternion, int]] = []
+        self._outliers = OutlierFilter()
+        self._bin: list[TimedSample] = []
+        self._last_s = -math.inf
         self._samples = 0
         self._swings: deque[float] = deque(maxlen=6)
         self._spacings: deque[float] = deque(maxlen=6)
@@ -101,23 +104,23 @@ class OnlineCycleDetector:
         confirmed: list[Endpoint] = []
         for time_s, (w, x, y, z), name in zip(times, quats, names, strict=True):
             self._samples += 1
-            if not math.isfinite(time_s + w + x + y + z):
+            if not math.isfinite(time_s + w + x + y + z) or time_s <= self._last_s:
                 continue
-            if self._bin:
-                first = self._bin[0][0]
-                if time_s <= self._bin[-1][0]:
+            self._last_s = time_s
+            for sample in self._outliers.add((time_s, (w, x, y, z), int(name))):
+                if self._bin and sample[0] - self._bin[0][0] < self._bin_s() * 0.999:
+                    self._bin.append(sample)
                     continue
-                if time_s - first < self._bin_s() * 0.999:
-                    self._bin.append((time_s, (w, x, y, z), int(name)))
-                    continue
-                withdrawn = self._withdrawn
-                new = self._close_bin()
-                confirmed = new if self._withdrawn > withdrawn else confirmed + new
-            self._bin = [(time_s, (w, x, y, z), int(name))]
+                if self._bin:
+                    withdrawn = self._withdrawn
+                    new = self._close_bin()
+                    confirmed = new if self._withdrawn > withdrawn else confirmed + new
+                self._bin = [sample]
         return confirmed
 
     def finish(self) -> list[Endpoint]:
-        """Use the samples still held back for their bin; for the end of a recording."""
+        """Use the samples still held back; for the end of a recording."""
+        self._bin += self._outliers.flush()
         confirmed = self._close_bin() if self._bin else []
         self._bin = []
         return confirmed

@@ -14,11 +14,13 @@ BoolArray = npt.NDArray[np.bool_]
 
 MIN_STEP_S = 1e-4
 """Samples closer than this to the one before are double deliveries of the same moment, s."""
+MIN_OUTLIER_RAD = 0.5 * np.pi / 180.0
+"""A lone outlier is at least this far from both neighbours."""
+OUTLIER_FACTOR = 5.0
+"""And by this many times the steps before and after these."""
 
 _GROUP = 256  # moments averaged together
 _MAX_TRIPLES = 20_000  # their median is good to a hundredth
-_MIN_OUTLIER_RAD = np.radians(0.5)
-_OUTLIER_FACTOR = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +127,7 @@ def lone_outliers(quats_wxyz: FloatArray) -> IntArray:
     -------
     (k,) places, increasing.
     """
-    far = np.abs(np.einsum("ij,ij->i", quats_wxyz[1:], quats_wxyz[:-1])) < np.cos(0.5 * _MIN_OUTLIER_RAD)
+    far = np.abs(np.einsum("ij,ij->i", quats_wxyz[1:], quats_wxyz[:-1])) < np.cos(0.5 * MIN_OUTLIER_RAD)
     places = 1 + np.flatnonzero(far[1:] & far[:-1])
     places = places[(places >= 3) & (places < len(quats_wxyz) - 3)]
     if len(places) == 0:
@@ -134,7 +136,7 @@ def lone_outliers(quats_wxyz: FloatArray) -> IntArray:
     steps = rotations.distance(around[:, 1:], around[:, :-1])
     apart, usual = steps[:, 2:4].min(axis=1), steps[:, [0, 1, 4, 5]].max(axis=1)
     across = rotations.distance(around[:, 4], around[:, 2])
-    lone = (apart > _MIN_OUTLIER_RAD + _OUTLIER_FACTOR * usual) & (apart > 2.0 * across)
+    lone = (apart > MIN_OUTLIER_RAD + OUTLIER_FACTOR * usual) & (apart > 2.0 * across)
     return np.asarray(places[lone], dtype=np.int64)
 
 

@@ -106,6 +106,18 @@ def test_a_wriggle_before_the_first_cycle_is_withdrawn():
     assert [point.time_s for point, _ in known] == pytest.approx(trial.endpoint_s, abs=0.05)
 
 
+def test_lone_outliers_change_next_to_nothing():
+    trial = simulate(swing_deg=6.0, cycles=6)
+    quats = trial.series.quats_wxyz.copy()
+    rng = np.random.default_rng(1)
+    rows = rng.choice(np.arange(10, len(quats) - 10, 4), 20, replace=False)
+    wrong = Rotation.from_rotvec(np.radians(10.0) * rng.normal(size=(20, 3)))
+    quats[rows] = (wrong * Rotation.from_quat(quats[rows], scalar_first=True)).as_quat(scalar_first=True)
+    _, clean = follow(trial.series, 1)
+    _, known = follow(OrientationSeries(trial.series.times_s, quats, trial.series.index), 1)
+    assert [point.time_s for point, _ in known] == pytest.approx([point.time_s for point, _ in clean], abs=0.02)
+
+
 @pytest.mark.parametrize("hold_s", [0.3, 1.5])
 def test_putting_the_object_in_place_does_not_hide_smaller_cycles(hold_s):
     """Moved by more than twice the swing: the cycles after it are known as soon as any others."""
