@@ -3,9 +3,10 @@
 ``python -m benchmarks.simulated_trials [TRIALS]``; the exit code is 1 where more than 1 % are refused or wrong.
 
 Periods of 1 to 20 s, swings of 3 to 60°, 5 to 14 cycles; rests at none, one or both ends of the swing, a shelf or a
-second hump on the way, motion about a second axis, uneven tempo and size, drift up to 15 % of the swing per cycle,
-noise. Before and after: rest, a start in the middle of the range, the object put in place, dropped by up to 60° or the
-recording cut off. 100 or 240 Hz, lost samples, one gap, or every sample twice. It also shows how near these trials come
+second hump on the way, strokes that stick and slip, motion about a second axis, uneven tempo and size, drift up to 15 %
+of the swing per cycle, noise. Before and after: rest, a start in the middle of the range, the object put in place,
+dropped by up to 60° or the recording cut off. 100 or 240 Hz, lost samples, one gap, outliers, samples that repeat the
+one before, or every sample twice. It also shows how near these trials come
 to the limits that refuse: limits chosen with a few recordings at hand must not be near.
 """
 
@@ -51,7 +52,7 @@ def _shape(rng: np.random.Generator) -> tuple[FloatArray, float, str]:
     high, low = (float(rng.choice([0.0, 0.1, 0.2, 0.35]) * rng.uniform(0.5, 1.0)) for _ in range(2))
     rise = (1.0 - high - low) * rng.uniform(0.3, 0.7)
     phases, values = [0.0, low / 2.0], [0.0, 0.0]
-    kind = str(rng.choice(["plain", "plain", "shelf", "hump"]))
+    kind = str(rng.choice(["plain", "plain", "shelf", "hump", "steps"]))
     if kind == "hump":
         top = float(rng.choice([0.4, 0.6, 0.8]))
         phases += [phases[-1] + 0.35 * rise, phases[-1] + 0.6 * rise]
@@ -65,6 +66,10 @@ def _shape(rng: np.random.Generator) -> tuple[FloatArray, float, str]:
     values += [1.0, 1.0 + rng.uniform(-0.03, 0.03), 0.0, 0.0]
     cycle = np.interp(np.arange(_POINTS) / _POINTS, phases, values)
     sigma = float(rng.choice([0.01, 0.03, 0.06])) * _POINTS
+    if kind == "steps":
+        steps, share = int(rng.integers(4, 10)), rng.uniform(0.3, 0.95)
+        cycle = (1.0 - share) * cycle + share * np.round(cycle * steps) / steps
+        sigma = 0.005 * _POINTS
     return gaussian_filter1d(cycle, sigma, mode="wrap"), top_phase + high / 2.0, f"{kind}, rests {high:.2f} {low:.2f}"
 
 
@@ -132,15 +137,21 @@ def _unit(rng: np.random.Generator) -> FloatArray:
 def _link(
     rng: np.random.Generator, times_s: FloatArray, quats: FloatArray, trial: tuple[float, float, float]
 ) -> tuple[FloatArray, FloatArray, str]:
-    """Lose a tenth, leave a gap of up to 0.3 periods, or deliver twice."""
+    """Lose a tenth, leave a gap of up to 0.3 periods, let single samples be wrong or repeated, or deliver all twice."""
     lead_s, length_s, period_s = trial
-    kind = str(rng.choice(["whole", "whole", "loss", "gap", "twice"]))
+    kind = str(rng.choice(["whole", "whole", "loss", "gap", "twice", "outliers", "repeats"]))
     if kind == "twice":
         doubled = np.repeat(times_s, 2)
         doubled[1::2] += 5e-5
         return doubled, np.repeat(quats, 2, axis=0), kind
     keep = np.ones(len(times_s), dtype=bool)
-    if kind == "loss":
+    hit = rng.random(len(times_s)) < 0.002
+    if kind == "outliers":
+        wrong_by = Rotation.from_rotvec(np.radians(10.0) * hit[:, None] * rng.normal(size=(len(hit), 3)))
+        quats = (wrong_by * Rotation.from_quat(quats, scalar_first=True)).as_quat(scalar_first=True)
+    elif kind == "repeats":
+        quats = quats[np.arange(len(hit)) - hit * np.minimum(np.arange(len(hit)), 1)]
+    elif kind == "loss":
         keep = rng.random(len(times_s)) > 0.1
     elif kind == "gap":
         middle_s = lead_s + rng.uniform(0.1, 0.9) * length_s
