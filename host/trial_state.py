@@ -11,8 +11,8 @@ from host.loss_ledger import LossReport
 
 Quaternion = tuple[float, float, float, float]
 """Scalar first."""
-REST_DPS = 1.5
-"""Turning rate below which the object is at rest."""
+REST_DPS, MOVING_DPS = 1.5, 3.0
+"""Turning rates below which the object is at rest, and above which it is moved."""
 OUTSIDE, MISSED = "outside the trial window", "cycles were missed"
 """Reasons why a cycle does not count that are not the operator's own words."""
 

@@ -10,10 +10,8 @@ from collections import deque
 from statistics import median
 
 from analysis.uncertainty import MIN_STEPS
-from host.trial_state import Alarm, CycleRow, TrialState
+from host.trial_state import MOVING_DPS, Alarm, CycleRow, TrialState
 
-MOVING_DPS = 3.0
-"""Turning rate above which the object is moved."""
 NO_CYCLES_S, NO_CYCLES_PERIODS = 15.0, 3.0
 """No cycle found after so much movement, whichever is longer."""
 AXIS_S = 2.0

@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from host.trial_state import GuideView, TrialState
+from host.trial_state import MOVING_DPS, REST_DPS, GuideView, TrialState
 
-STILL_DPS = 1.5
-"""Turning rate below which the object is at rest."""
-MOVING_DPS = 3.0
 REST_PERIODS = 1.5
 """A hand that rests so long between cycles has been stopped early."""
 TITLES = ("hold still", "start the hand", "let it turn", "stop the hand, hold still", "done")
@@ -85,7 +82,7 @@ class Guide:
         return f"{left_s} s more at rest", rested_s / self.settings.rest_s
 
     def _rested_s(self, state: TrialState, rate: float | None) -> float:
-        still = rate is not None and (rate < STILL_DPS or (self._still_since_s is not None and rate < MOVING_DPS))
+        still = rate is not None and (rate < REST_DPS or (self._still_since_s is not None and rate < MOVING_DPS))
         if not still:
             self._still_since_s = None
             return 0.0

@@ -12,6 +12,7 @@ from pathlib import Path
 from firmware_protocol.packets import TimeReply
 from firmware_protocol.stream import StreamItem
 from host.capture.alarms import AlarmWatch
+from host.capture.loop import STATE_NS
 from host.capture.operator_desk import OperatorDesk
 from host.operator_actions import OperatorAction, action_of
 from host.recording import format as fmt
@@ -23,8 +24,6 @@ from host.transports.chunks import AnyChunk, LinkEnd, Transport
 from host.trial import Trial
 from host.trial_state import LinkView, RecordingView, TrialState
 
-STATE_NS = 200_000_000
-"""Between two states for the screen, where nothing happens that a person waits for: as often as it is drawn."""
 READ_S = 0.05
 
 

@@ -178,7 +178,7 @@ def open_screen(json_output: bool, stream: TextIO | None = None, choice: ScreenC
         return LineScreen(stream)
     light = choice.theme == "light" or (choice.theme == "auto" and terminal_is_light(os.environ.get("COLORFGBG")))
     settings = ScreenSettings(
-        ascii_only=choice.ascii_only or _is_c_locale(os.environ) or not _can_show("θ█⣿", stream),
+        ascii_only=choice.ascii_only or _shows_ascii_only(os.environ) or not _can_show("θ█⣿", stream),
         light=light,
         color=None if console.no_color else console.color_system,
         bell=choice.bell,
@@ -186,8 +186,13 @@ def open_screen(json_output: bool, stream: TextIO | None = None, choice: ScreenC
     return LiveScreen(stream, LineScreen(stream), settings)
 
 
-def _is_c_locale(environment: Mapping[str, str]) -> bool:
-    """Whether somebody asked for the C locale, whose terminal shows ASCII; Python itself would use UTF-8 there."""
+def _shows_ascii_only(environment: Mapping[str, str]) -> bool:
+    """Whether the terminal is Linux's bare console, whose font has no braille, or the locale is C.
+
+    Python itself would use UTF-8 in the C locale.
+    """
+    if environment.get("TERM") == "linux":
+        return True
     if environment.get("PYTHONUTF8") == "1":
         return False
     names = [environment.get(name, "") for name in ("LC_ALL", "LC_CTYPE", "LANG")]

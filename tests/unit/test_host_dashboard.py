@@ -11,7 +11,7 @@ from host.dashboard import render
 from host.dashboard.big_digits import big_text
 from host.dashboard.verdicts import verdicts
 from host.loss_ledger import LossReport
-from host.screen.screens import LineScreen, QuietScreen, _is_c_locale, open_screen
+from host.screen.screens import LineScreen, QuietScreen, _shows_ascii_only, open_screen
 from host.trial_state import Alarm, CycleRow, GuideView, LinkView, MotionView, RecordingView, SensorView, TrialState
 
 
@@ -198,10 +198,11 @@ def test_a_reader_of_lines_that_went_away_does_not_end_the_capture():
         ({"LANG": "C", "LC_CTYPE": "de_DE.UTF-8"}, False),
         ({"LANG": "de_DE.UTF-8", "LC_ALL": "POSIX"}, True),
         ({"LANG": "C", "PYTHONUTF8": "1"}, False),
+        ({"LANG": "de_DE.UTF-8", "TERM": "linux"}, True),
     ],
 )
-def test_the_c_locale_has_ascii_only(environment, ascii_only):
-    assert _is_c_locale(environment) == ascii_only
+def test_the_c_locale_and_the_bare_console_have_ascii_only(environment, ascii_only):
+    assert _shows_ascii_only(environment) == ascii_only
 
 
 def test_without_a_terminal_there_are_lines_and_with_json_they_go_to_stderr(capsys):

@@ -73,4 +73,7 @@ def test_keys_come_as_typed_and_special_keys_mean_nothing(windows):
     assert terminal.read(0.0) == ""
     console.keys = ["m", "\xe0", "H", "\x00", ";", "ä", "\x1a", "\r"]  # an arrow and F1 are two codes each
     assert terminal.read(0.0) == "mä\x1a\r"
+    console.keys = ["\ud83d", "\ude00"]  # one character in two halves
+    assert terminal.read(0.0) == "😀"
+    assert terminal.in_foreground()
     terminal.give_back()
