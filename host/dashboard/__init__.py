@@ -52,7 +52,7 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
     top += object_rows(states, focus, look, width, max(2, height // 6))
     top += guide_lines(state, look, width)
     notices = notice_lines(state, look, width)
-    foot = [*status_panel(state, look, width), bottom_line(view, state, len(states), width)]
+    foot = [*status_panel(state, look, width), bottom_line(view, states, focus, width)]
     spare = height - len(top) - len(notices) - len(foot)
     if spare < MIN_TABLE or (view.help_open and spare < HELP_LINES):
         # A small terminal: what is wrong goes before the status.

@@ -6,6 +6,7 @@ of a frame.
 
 from __future__ import annotations
 
+from rich.cells import cell_len
 from rich.text import Text
 
 from host.dashboard.look import Look
@@ -28,6 +29,16 @@ def fitted(line: Text, width: int, look: Look) -> Text:
         line = line.copy()
         line.append(" " * missing)
     return line
+
+
+def end_of(words: str, width: int, look: Look) -> str:
+    """Shorten a text at its begin, as is right for paths, URIs, and what is being typed."""
+    words, cut = look.words(words), look.words("…")
+    if cell_len(words) <= width:
+        return words
+    while words and cell_len(words) > width - len(cut):
+        words = words[1:]
+    return cut + words
 
 
 def block(lines: Lines, width: int, height: int, look: Look) -> Lines:

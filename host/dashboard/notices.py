@@ -6,7 +6,7 @@ import textwrap
 
 from rich.text import Text
 
-from host.dashboard.boxes import Lines, framed
+from host.dashboard.boxes import Lines, end_of, framed
 from host.dashboard.look import Look
 from host.dashboard.view import View
 from host.trial_state import Alarm, TrialState
@@ -82,12 +82,14 @@ def _alarm_lines(alarm: Alarm, look: Look, width: int) -> Lines:
     return [line, *(look.text(more) for more in rest[:1])]
 
 
-def bottom_line(view: View, state: TrialState, n_objects: int, width: int) -> Text:
+def bottom_line(view: View, states: tuple[TrialState, ...], focus: int, width: int) -> Text:
     """Draw what is being typed, or the keys that mean something now."""
-    look = view.look
+    look, state = view.look, states[focus]
     if view.prompt:
-        return look.join((f"{view.prompt}: ", "strong"), view.typed, ("_", "accent"), ("  (Enter, Esc)", "quiet"))
-    if state.finished and n_objects == 1:
+        asked, ends = f"{view.prompt}: ", "  (Enter, Esc)"
+        typed = end_of(view.typed, max(8, width - len(asked) - len(ends) - 1), look)
+        return look.join((asked, "strong"), typed, ("_", "accent"), (ends, "quiet"))
+    if all(other.finished for other in states):
         return look.join(("finished", "good"), ("" if state.guide is None else "  any key ends", "quiet"))
     line = look.join(("finished  " if state.finished else "", "good"))
     if view.paused:
@@ -97,7 +99,7 @@ def bottom_line(view: View, state: TrialState, n_objects: int, width: int) -> Te
     keys = [
         (key, name)
         for key, name, _ in KEYS
-        if (key != "f" or n_objects > 1) and not (state.replayed and key in EDITING)
+        if (key != "f" or len(states) > 1) and not (state.replayed and key in EDITING)
     ]
     return line.append_text(_key_line(keys, look, width - line.cell_len))
 

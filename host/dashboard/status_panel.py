@@ -5,9 +5,7 @@ Where a line has no room for all its parts, the least important are left out rat
 
 from __future__ import annotations
 
-from rich.cells import cell_len
-
-from host.dashboard.boxes import Lines, framed
+from host.dashboard.boxes import Lines, end_of, framed
 from host.dashboard.look import Look, Part
 from host.dashboard.verdicts import SILENCE_S
 from host.trial_state import TrialState
@@ -26,10 +24,10 @@ def status_panel(state: TrialState, look: Look, width: int) -> Lines:
     rows = (
         ("motion", _motion(state, look)),
         ("sensor", _sensor(state)),
-        ("link", _link(state, room)),
+        ("link", _link(state, room, look)),
         ("clock", _clock(state)),
         ("losses", _losses(state)),
-        ("recording", _recording(state, room)),
+        ("recording", _recording(state, room, look)),
     )
     lines = [look.join((f"{name:{NAME_WIDTH}}", "quiet")).append_text(look.listed(parts, room)) for name, parts in rows]
     return framed(lines, "", width, HEIGHT, look)
@@ -82,7 +80,7 @@ def _sensor(state: TrialState) -> list[Part]:
     return parts
 
 
-def _link(state: TrialState, room: int) -> list[Part]:
+def _link(state: TrialState, room: int, look: Look) -> list[Part]:
     link = state.link
     rate = "- Hz" if link.rate_hz is None else f"{link.rate_hz:.1f} Hz"
     expected = "" if link.expected_rate_hz is None else f" of {link.expected_rate_hz:.0f}"
@@ -104,7 +102,7 @@ def _link(state: TrialState, room: int) -> list[Part]:
         parts.append((link.segment_reason if n == 1 else _counted(n, "reset"), "doubtful"))
     if link.one_way:
         parts.append(("does not answer", "doubtful"))
-    parts.append((_end_of(link.name, max(12, room - len("1000.0 Hz of 1000 · 10 reconnects · "))), "quiet"))
+    parts.append((end_of(link.name, max(12, room - len("1000.0 Hz of 1000 · 10 reconnects · ")), look), "quiet"))
     return parts
 
 
@@ -147,7 +145,7 @@ def _losses(state: TrialState) -> list[Part]:
     return parts
 
 
-def _recording(state: TrialState, room: int) -> list[Part]:
+def _recording(state: TrialState, room: int, look: Look) -> list[Part]:
     recording = state.recording
     if recording.problem:
         return [(recording.problem, "bad")]
@@ -158,17 +156,8 @@ def _recording(state: TrialState, room: int) -> list[Part]:
         free = f"{recording.free_bytes / 1e9:.1f} GB free"
         parts.append((free, "bad" if low else "plain"))
         used += 3 + len(free)
-    parts.append((_end_of(recording.path, max(12, room - used - 3)), "quiet"))
+    parts.append((end_of(recording.path, max(12, room - used - 3), look), "quiet"))
     return parts
-
-
-def _end_of(name: str, width: int) -> str:
-    """Shorten a path or URI at its begin: what tells one from another is the end."""
-    if cell_len(name) <= width:
-        return name
-    while name and cell_len(name) > width - 1:
-        name = name[1:]
-    return f"…{name}"
 
 
 def _short(value: float, places: int = 2) -> str:

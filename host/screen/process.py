@@ -77,7 +77,6 @@ class ScreenProcess:
         """Draw until the capture says stop or is gone."""
         for work in (self._receive, self._read_keys):
             threading.Thread(target=work, daemon=True).start()
-        self._unsent = ENTER.encode()
         drawn_s = 0.0
         try:
             while True:

@@ -7,7 +7,7 @@ import pytest
 from rich.cells import cell_len
 from rich.console import Console
 
-from host.dashboard import render
+from host.dashboard import Look, View, picture, render
 from host.dashboard.big_digits import big_text
 from host.dashboard.verdicts import verdicts
 from host.loss_ledger import LossReport
@@ -136,6 +136,21 @@ def test_where_there_is_no_room_for_all_verdicts_trust_is_left_out():
     assert "connected ─ ✓ cycles ─ ! floor unknown ─ … needs 5 more for ±0.2° ─" in plain(state, 80)
     assert "connected ─ ✓ cycles ─ … needs 5 more for ±0.2° ─" in plain(state, 70)
     assert "connected ─ … needs 5 more for ±0.2° ─" in plain(state, 50)
+
+
+@pytest.mark.parametrize("ascii_only", [False, True])
+def test_a_long_note_shows_where_it_is_typed(ascii_only):
+    view = View(Look(ascii_only), prompt="note", typed="the finger " * 12 + "日本 slipped")
+    line = picture((RUNNING,), view, 80, 24)[-1].plain.rstrip()
+    assert line.endswith("slipped_  (Enter, Esc)")
+    assert cell_len(line) <= 80
+
+
+def test_when_all_objects_are_finished_any_key_ends():
+    guided = replace(RUNNING, guide=GuideView(5, 5, "done", ""), finished=True)
+    ends = [picture((first, guided), View(), 80, 24)[-1].plain.rstrip() for first in (RUNNING, guided)]
+    assert "q finish" in ends[0]
+    assert ends[1] == "finished  any key ends"
 
 
 def test_at_rest_no_axis_is_ambiguous():
