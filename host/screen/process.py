@@ -24,7 +24,7 @@ from rich.text import Text
 from host.dashboard import Look, View, picture
 from host.screen.keys import KeyReader
 from host.screen.pipe import Frame, ScreenSettings, Stop, encode_action, receive
-from host.screen.terminal import ENTER, LEAVE, Terminal, TerminalLostError
+from host.screen.terminal import CLEAR, ENTER, LEAVE, Terminal, TerminalLostError
 from host.trial_state import CycleRow, TrialState
 
 FRAME_S = 0.1
@@ -150,30 +150,29 @@ class ScreenProcess:
                 self._was_aside = True
             self._flush()
             return
-        if self._was_aside or self._anew:
-            with contextlib.suppress(OSError):
-                self._terminal.take()
-            self._unsent += ENTER.encode()
-            self._was_aside = self._anew = False
-            self._lines = []
+        anew = self._was_aside or self._anew
+        self._was_aside = self._anew = False
         with self._changed:
             view = self._keys.view
             if not view.paused or any(state.finished for state in self._states):
                 self._shown = self._states
         size = self._terminal.size()
-        if size != self._size:
-            self._size, self._lines = size, []
-            self._unsent += b"\x1b[2J"
         lines = [self._codes(line) for line in picture(self._shown, view, *size)]
-        before = self._lines if len(self._lines) == len(lines) else [""] * len(lines)
+        before = self._lines if size == self._size and not anew else [""] * len(lines)
         pairs = enumerate(zip(lines, before, strict=True), start=1)
         changed = [f"\x1b[{row};1H{line}" for row, (line, old) in pairs if line != old]
-        self._lines = lines
         if self._bell:
             self._bell = False
             changed.append("\a")
+        if not self._terminal.in_foreground():  # the process was stopped while it drew
+            self._anew = True
+            return
+        if anew:
+            self._terminal.take()
+        start = ENTER if anew else "" if size == self._size else CLEAR
+        self._lines, self._size = lines, size
         encoding = "ascii" if self._settings.ascii_only else "utf-8"
-        self._unsent += "".join(changed).encode(encoding, "replace")
+        self._unsent = (start + "".join(changed)).encode(encoding, "replace")
         self._flush()
 
     def _codes(self, line: Text) -> str:

@@ -18,7 +18,8 @@ from typing import Any
 
 from host.screen.key_splitter import PASTE_OFF, PASTE_ON
 
-ENTER = f"\x1b[?1049h\x1b[?25l\x1b[?7l{PASTE_ON}\x1b[2J"
+CLEAR = "\x1b[2J"
+ENTER = f"\x1b[?1049h\x1b[?25l\x1b[?7l{PASTE_ON}{CLEAR}"
 """Other screen, no cursor, no wrapping; pastes are told from keys."""
 LEAVE = f"\x1b[0m{PASTE_OFF}\x1b[?7h\x1b[?25h\x1b[?1049l"
 MAX_PIECE = 65536
@@ -105,7 +106,19 @@ else:
             self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
 
         def take(self) -> None:
-            """Keys one by one, without echo; to be called again after the process was stopped and continued."""
+            """Keys one by one, without echo; to be called again after the process was stopped and continued.
+
+            Raises
+            ------
+            TerminalLostError
+                It is gone.
+            """
+            try:
+                self._take()
+            except termios.error as error:
+                raise TerminalLostError(str(error)) from error
+
+        def _take(self) -> None:
             mode = termios.tcgetattr(self._fd)
             if self._before is None:
                 self._before = termios.tcgetattr(self._fd)

@@ -143,7 +143,7 @@ def test_a_killed_capture_leaves_the_shell_as_it_was(tmp_path, virtual):
 def test_a_script_whose_capture_is_ended_from_outside_has_its_terminal_back(tmp_path, virtual, end):
     """A script's shell restores nothing; that is left to the drawing process, which Control-Backslash reaches too."""
     command = shlex.join([*BASE, "capture", virtual.link, "--out", str(tmp_path / "trial.mcap")])
-    script = Terminal(["-c", f"ulimit -c 0; {command}; read line"], tmp_path, base=["sh"])
+    script = Terminal(["-c", f"trap : QUIT; ulimit -c 0; {command}; read line"], tmp_path, base=["sh"])
     script.wait_for_cycles(1)
     (capture,) = children(script.process.pid)
     (drawing,) = children(capture)

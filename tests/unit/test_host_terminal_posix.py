@@ -63,7 +63,13 @@ def test_a_terminal_that_is_gone_says_so():
     window, program = pty.openpty()
     terminal = Terminal(program)
     os.close(window)
-    for use in (terminal.size, terminal.in_foreground, lambda: terminal.write(b"x"), lambda: terminal.read(0.0)):
+    for use in (
+        terminal.take,
+        terminal.size,
+        terminal.in_foreground,
+        lambda: terminal.write(b"x"),
+        lambda: terminal.read(0.0),
+    ):
         with pytest.raises(TerminalLostError):
             use()
     os.close(program)
