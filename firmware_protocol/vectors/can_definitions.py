@@ -9,6 +9,7 @@ from typing import Any
 from firmware_protocol import packets as p
 from firmware_protocol.can_encoder import CanObject, command_frame
 from firmware_protocol.can_frames import CanFrame
+from firmware_protocol.can_long_packets import LongPacketChannel
 from firmware_protocol.codec import encode_packet
 
 NODE = 5
@@ -38,14 +39,33 @@ _COMMANDS: tuple[p.Command, ...] = (
 )
 
 
+_INFO = p.Info(
+    device_id=0x0123456789ABCDEF,
+    boot_id=0xC0FFEE42,
+    rate_hz=200,
+    name="cube",
+    card=p.ObjectCard(p.ObjectShape.CUBE, (60.0, 60.0, 60.0), "PLA", 142.5, (0.0, 0.0, -1.5)),
+)
+
+
 def _frame(frame: CanFrame) -> dict[str, Any]:
     return {"id": f"{frame.arbitration_id:03X}", "fd": frame.is_fd, "data": frame.data.hex()}
 
 
 def _object(fd: bool) -> CanObject:
     end = CanObject(NODE, fd)
-    end.encode([encode_packet(p.Info(device_id=0x0123456789ABCDEF, boot_id=0xC0FFEE42, rate_hz=200))])
+    end.encode([encode_packet(_INFO)])
     return end
+
+
+def _long(fd: bool) -> list[CanFrame]:
+    """Return the frames of INFO, and between them the flow control of the host."""
+    host, end = LongPacketChannel(NODE, is_object=False, fd=fd), CanObject(NODE, fd)
+    first = end.encode([encode_packet(_INFO)])
+    host.feed(first[0].data)
+    (flow_control,) = host.take_outgoing()
+    _, rest = end.receive(flow_control)
+    return [*first, flow_control, *rest]
 
 
 def can_vectors_text() -> str:
@@ -57,6 +77,14 @@ def can_vectors_text() -> str:
             data = encode_packet(packet)
             frames = [_frame(frame) for frame in end.encode([data])]
             vectors.append({"packet": packet.packet_type.name, "bytes": data.hex(), "fd": fd, "frames": frames})
+        vectors.append(
+            {
+                "packet": "INFO",
+                "bytes": encode_packet(_INFO).hex(),
+                "fd": fd,
+                "frames": [_frame(frame) for frame in _long(fd)],
+            }
+        )
         for command in _COMMANDS:
             data = encode_packet(command)
             frames = [_frame(command_frame(data, NODE, fd))]

@@ -78,8 +78,24 @@ def test_status_pages_hold_the_fields_at_their_places() -> None:
     assert struct.unpack_from("<hh", pages[4], 1) == (-1500, 32000)
 
 
+@pytest.mark.parametrize("fd", [False, True])
+def test_info_goes_by_iso_tp_as_the_standard_says(fd: bool) -> None:
+    vector = next(vector for vector in VECTORS if vector["packet"] == "INFO" and vector["fd"] == fd)
+    packet = bytes.fromhex(vector["bytes"])
+    first, flow_control, *rest = frames_of(vector)
+    longest = 64 if fd else 8
+    assert [frame.arbitration_id & 0x3FF for frame in (first, flow_control)] == [0x325, 0x305]
+    assert {frame.arbitration_id & 0x400 for frame in (first, flow_control, *rest)} == {0x400 * fd}
+    assert int.from_bytes(first.data[:2], "big") == 0x1000 | len(packet)
+    assert flow_control.data[:3] == b"\x30\x00\x00"  # go on, all at once, without pauses
+    assert [frame.data[0] for frame in rest] == [0x20 | (1 + k) & 15 for k in range(len(rest))]
+    joined = first.data[2:] + b"".join(frame.data[1:] for frame in rest)
+    assert joined[: len(packet)] == packet
+    assert len(first.data) == len(rest[0].data) == longest
+
+
 def test_fd_frames_are_a_length_the_packet_and_zeros() -> None:
-    for vector in (vector for vector in VECTORS if vector["fd"]):
+    for vector in (vector for vector in VECTORS if vector["fd"] and vector["packet"] != "INFO"):
         frame = frames_of(vector)[-1]
         packet = bytes.fromhex(vector["bytes"])
         assert frame.arbitration_id & 0x400
