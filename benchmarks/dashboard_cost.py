@@ -186,7 +186,7 @@ def measure(quick: bool = False, seconds: float | None = None, size: tuple[int, 
         values = [_p99(pair[at]) for pair in pairs]
         topic.rows.append(figure(f"arrival to decode p99, dashboard {name}", values, "ms"))
     ratios = [_p99(drawn) / _p99(resting) for resting, drawn in pairs]
-    topic.rows.append(figure("the same, drawn / resting", ratios, "×", note, 1.10, COST))
+    topic.rows.append(figure("arrival to decode p99: drawn / resting", ratios, "×", note, 1.10, COST))
     used = {part: [_share(pair[1], part) for pair in pairs] for part in ("cpu_s", "screen_cpu_s")}
     more = [_share(drawn, "cpu_s") - _share(resting, "cpu_s") for resting, drawn in pairs]
     topic.rows.append(figure("CPU of the capture, dashboard drawn", used["cpu_s"], "% of a core"))
@@ -200,7 +200,9 @@ def measure(quick: bool = False, seconds: float | None = None, size: tuple[int, 
         value = figure("end point to screen", latencies, "s", f"of {len(latencies)} end points")
         topic.rows.append(value)
         limit = f"goal: 0.4 period + 150 ms; of {len(latencies)} end points"
-        topic.rows.append(Row("the same, longest", max(latencies), "s", goal=ENDPOINT_LIMIT_S, sense=COST, note=limit))
+        topic.rows.append(
+            Row("end point to screen, longest", max(latencies), "s", goal=ENDPOINT_LIMIT_S, sense=COST, note=limit)
+        )
     return topic
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from analysis.scoring import score_series
 from benchmarks.measurement import COST, Curve, Topic, cpu_s, figure
 from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
-from benchmarks.scoring import PERIOD_S, RATE_HZ, long_series
+from benchmarks.scoring import RATE_HZ, long_series
 from firmware_protocol.stream import StreamDecoder
 from host.transports.chunks import Chunk
 from host.trial import Trial
@@ -25,6 +25,7 @@ def measure(quick: bool = False) -> Topic:
     topic = Topic("Growth: cost and memory against length")
     _decode(topic, quick)
     _score(topic, quick)
+    _cycles(topic, quick)
     _objects(topic, quick)
     _live(topic, quick)
     return topic
@@ -32,10 +33,10 @@ def measure(quick: bool = False) -> Topic:
 
 def _add(topic: Topic, name: str, x_label: str, y_label: str, x: list[float], y: list[float]) -> None:
     topic.curves.append(Curve(name, x_label, y_label, tuple(x), tuple(y)))
-    span = f"{x[0]:.0e} to {x[-1]:.0e} {x_label}"
+    span = f"{x[0]:,.0f} to {x[-1]:,.0f} {x_label}"
     # What falls with length is a fixed cost that weighs less and less: growth is what a longer one costs more.
     rise = max(later / min(y[: k + 1]) for k, later in enumerate(y))
-    topic.rows.append(figure(f"{name}: {y_label}, over the least of any shorter", [rise], "×", span, FLAT, COST))
+    topic.rows.append(figure(f"{name}: largest {y_label} over the least before it", [rise], "×", span, FLAT, COST))
 
 
 def _decode(topic: Topic, quick: bool) -> None:
@@ -64,16 +65,26 @@ def _decode(topic: Topic, quick: bool) -> None:
 
 def _score(topic: Topic, quick: bool) -> None:
     """Scoring recordings of 10^4 to 10^6.5 samples: the cycles grow with them."""
-    x, y, cycles, per_cycle = [], [], [], []
+    x, y = [], []
     for n in (10_000, 30_000, 100_000) if quick else (10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000):
         series = long_series(n)
         cost = [1e6 * cpu_s(lambda series=series: score_series(series)) / n for _ in range(3 if n < 10**6 else 1)]
         x.append(float(n))
         y.append(median(cost))
-        cycles.append(n / RATE_HZ / PERIOD_S)
-        per_cycle.append(median(cost) * RATE_HZ * PERIOD_S)
     _add(topic, "score", "samples", "µs/sample", x, y)
-    _add(topic, "score by cycles", "cycles", "µs/cycle", cycles, per_cycle)
+
+
+def _cycles(topic: Topic, quick: bool) -> None:
+    """Scoring the same length with more and more cycles in it."""
+    n = 36_000 if quick else 360_000
+    x, y = [], []
+    for period_s in (16.0, 8.0, 4.0, 2.0, 1.0):
+        series = long_series(n, period_s=period_s)
+        cycles = n / RATE_HZ / period_s
+        cost = [1e6 * cpu_s(lambda series=series: score_series(series)) / cycles for _ in range(3)]
+        x.append(cycles)
+        y.append(median(cost))
+    _add(topic, f"score of {n} samples", "cycles", "µs/cycle", x, y)
 
 
 def _objects(topic: Topic, quick: bool) -> None:
@@ -124,7 +135,7 @@ def _live(topic: Topic, quick: bool) -> None:
     tracemalloc.stop()
     assert trial.n_endpoints > 200  # rows of cycles are kept up to so many
     half = len(x) // 2
-    _add(topic, "live trial, traced", "samples", "µs/sample", x[half:], cost[half:])
+    _add(topic, "live trial, its memory traced", "samples", "µs/sample", x[half:], cost[half:])
     growth = (memory[-1] - memory[half]) / (x[-1] - x[half]) * 2**20
     note = f"{memory[-1]:.1f} MiB after {np.format_float_positional(x[-1] / 1e6, 2)} M samples"
     topic.rows.append(figure("live trial: memory growth", [growth], "bytes/sample", note, 1.0, COST))
