@@ -42,8 +42,10 @@ class _Watch(QuietScreen):
         self._first = self.last = (0, 0.0)  # monotonic time, ns, and CPU, s, at the first and the newest sample
 
     def update(self, state: TrialState, index: int = 0) -> None:
-        """Look whether there is more than before."""
+        """Look whether there is more than before; say when all links are open."""
         before = self.states.get(index, TrialState()).link.losses.received
+        if len(self.states | {index: state}) == OBJECTS > len(self.states):
+            print("ready", flush=True)
         self.states[index] = state
         if state.link.losses.received > before:
             self.last = time.monotonic_ns(), time.process_time()
@@ -68,7 +70,6 @@ def receive(paths: list[str]) -> dict[str, Any]:
     for name in ("scipy.ndimage", "scipy.stats"):  # or the import is part of the figure
         importlib.import_module(name)
     watch = _Watch()
-    threading.Timer(0.5, lambda: print("ready", flush=True)).start()
     with tempfile.TemporaryDirectory() as folder:
         capture_several(
             [f"serial:{path}" for path in paths],
