@@ -152,6 +152,9 @@ REQUIRED: dict[str, str] = {
 }
 """Field -> the bullet of the benchmark card that asks for it. Without one of these a submission is incomplete."""
 
+CHOICES: dict[str, type[Enum]] = {"object.type": ObjectType, "trial.protocol": Protocol}
+"""Field -> the values there are."""
+
 SIZE_KEYS = {
     ObjectType.CUBE: ("x_mm", "y_mm", "z_mm"),
     ObjectType.CYLINDER: ("diameter_mm", "length_mm"),
@@ -159,6 +162,11 @@ SIZE_KEYS = {
     ObjectType.OTHER: ("x_mm", "y_mm", "z_mm"),
 }
 """Which dimensions describe which type."""
+
+
+def choices(field: str) -> str:
+    """List the values a field of :data:`CHOICES` may have."""
+    return ", ".join(str(kind.value) for kind in CHOICES[field])
 
 
 def parse_cards(text: str, name: str = "the card") -> Cards:
@@ -313,5 +321,8 @@ def _sentence(error: msgspec.ValidationError) -> str:
     """Turn ``Expected `float`, got `str` - at `$.object.mass_g``` round: field first, no back-ticks."""
     what, _, where = plain(error).replace("`", "").partition(" - at ")
     what = what.replace(" | null", "")
-    what = what[:1].lower() + what[1:]
-    return f"{where.removeprefix('$.')}: {what}" if where.removeprefix("$") else what
+    what = (what[:1].lower() + what[1:]).replace("expected float", "expected a number")
+    field = where.removeprefix("$.")
+    if field in CHOICES and what.startswith("invalid enum value "):
+        return f"{field}: {what.removeprefix('invalid enum value ')} is not one of {choices(field)}"
+    return f"{field}: {what}" if where.removeprefix("$") else what

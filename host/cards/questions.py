@@ -10,7 +10,17 @@ from typing import Any
 import msgspec
 import tomli_w
 
-from host.cards.definitions import REQUIRED, SIZE_KEYS, TABLES, Cards, ObjectType, card_values, parse_cards
+from host.cards.definitions import (
+    CHOICES,
+    REQUIRED,
+    SIZE_KEYS,
+    TABLES,
+    Cards,
+    ObjectType,
+    card_values,
+    choices,
+    parse_cards,
+)
 from host.errors import FileError
 
 Ask = Callable[[str], str]
@@ -57,7 +67,11 @@ def ask_for_cards(known: Cards, tables: tuple[str, ...], ask: Ask, say: Say) -> 
             elif field.name == "weights":
                 _ask_field(values, table, field.name, "slot:grams, e.g. 1:20, 4:20 (none: empty object)", ask, say)
             else:
-                _ask_field(values, table, field.name, _description(TABLES[table], field.name), ask, say)
+                what = _description(TABLES[table], field.name)
+                place = f"{table}.{field.name}"
+                _ask_field(
+                    values, table, field.name, f"{what}: {choices(place)}" if place in CHOICES else what, ask, say
+                )
     return _checked(values)
 
 
@@ -115,18 +129,11 @@ def _try(values: dict[str, dict[str, Any]], table: str, name: str, value: object
     if name == "type":
         trial[table].pop("dimensions", None)  # checked together; kept where they still fit
         kept = values.get(table, {}).get("dimensions", {})
-        if set(kept) == set(SIZE_KEYS.get(_object_type(value), ())):
+        if any(kind.value == value and set(kept) == set(keys) for kind, keys in SIZE_KEYS.items()):
             trial[table]["dimensions"] = kept
     _checked(trial)
     values.clear()
     values.update(trial)
-
-
-def _object_type(value: object) -> ObjectType:
-    try:
-        return ObjectType(value)
-    except ValueError as error:
-        raise ValueError(f"{value!r} is not one of {', '.join(kind.value for kind in ObjectType)}") from error
 
 
 def _parsed(name: str, answer: str) -> object:
