@@ -184,8 +184,8 @@ class ByteFaults:
             before += noise
         damaged = self._flip(frame, packet, burst=burst < s.burst_probability)
         if truncate < s.truncate_probability:
-            # At least the frame's last byte of data goes, so that it cannot be whole.
-            cut = int(self._rng.integers(1, len(frame) - 1))
+            # At least its last byte of data goes, so that it cannot be whole, and its first comes: else it is lost.
+            cut = int(self._rng.integers(2, len(frame) - 1))
             self._log.add("truncate", self.now_s, len(frame) - cut, **_name(packet))
             damaged = damaged[:cut]
         if damaged != frame:

@@ -109,12 +109,11 @@ class BlockReport:
 
     pieces: PieceCounters
     """Of the whole block, without the pieces in ``others``."""
-    malformed: int
-    """ORIENTATION packets with the norm off."""
     extended: int
     """Of the samples, those with fields of a newer minor version."""
     others: list[tuple[int, bytes, int]]
-    """The pieces not looked at, in order: the number of the sample each stands in front of, its bytes, its end."""
+    """The pieces that are no good sample of the common length, in order: the number of the sample each stands in front
+    of, its bytes, its end."""
 
 
 def block_end(pieces: bytes, start: int) -> int:
@@ -228,20 +227,17 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
     is_cobs = _uncobs(columns)
     packets = columns[1:-CRC_BYTES]
     low, high = crc_columns(packets)
-    has_crc = (low == columns[-2]) & (high == columns[-1]) & is_cobs
-    is_sample = has_crc & (packets[0] == PacketType.ORIENTATION)
-    n_good = int(np.count_nonzero(is_sample))
-    if n_good < len(pieces):
+    is_sample = (low == columns[-2]) & (high == columns[-1]) & is_cobs & (packets[0] == PacketType.ORIENTATION)
+    if is_sample.all():
+        sample_pieces = pieces
+    else:
         good = np.flatnonzero(is_sample)
         packets = packets.take(good, axis=1)
         sample_pieces = pieces[good]
-    else:
-        sample_pieces = pieces
     components = [_int16(packets, row) for row in (7, 9, 11, 13)]
     square = _square(components)
     in_range = (square >= Q15_MIN_SQUARE) & (square <= Q15_MAX_SQUARE)
-    malformed = len(square) - int(np.count_nonzero(in_range))
-    if malformed:
+    if not in_range.all():
         packets = packets[:, in_range]
         sample_pieces = sample_pieces[in_range]
         square = square[in_range]
@@ -261,27 +257,16 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
     for k in range(4):
         np.multiply(components[k], scale, out=samples.quats_wxyz[first:last, k])
 
-    n_frames = int(np.count_nonzero(has_crc))
-    n_cobs = len(pieces) - int(np.count_nonzero(is_cobs))
-    left_over = (lengths > 0) & ~grouped
-    n_foreign = n_frames - n_good
-    if n_foreign:
-        left_over[pieces[has_crc & ~is_sample]] = True
+    left_over = lengths > 0
+    left_over[sample_pieces] = False
     other = np.flatnonzero(left_over)
     before = first + np.searchsorted(sample_pieces, other)
     others = [
         (position, bytes(block[end - size : end]), end + offset)
         for position, end, size in zip(before.tolist(), ends[other].tolist(), lengths[other].tolist(), strict=True)
     ]
-    counters = PieceCounters(
-        delimiters=len(ends),
-        frames=n_good,
-        frame_bytes=n_good * length,
-        skipped_bytes=(len(pieces) - n_frames) * length,
-        cobs_errors=n_cobs,
-        crc_errors=len(pieces) - n_frames - n_cobs,
-    )
-    return BlockReport(counters, malformed, n if length > SHORTEST_PIECE else 0, others)
+    counters = PieceCounters(delimiters=len(ends), frames=n, frame_bytes=n * length)
+    return BlockReport(counters, n if length > SHORTEST_PIECE else 0, others)
 
 
 def _int16(packets: ByteArray, row: int) -> npt.NDArray[np.int16]:

@@ -241,6 +241,11 @@ class CanStreamDecoder:
         """Return the flow control frames to be sent since the last call."""
         return self._bus.take_outgoing()
 
+    def take_damage(self) -> list[int]:
+        """Tell where malformed samples came since the last call: how many were delivered before each, ascending."""
+        decoder = self._bus.nodes.get(self._node or 0)
+        return [] if decoder is None else decoder.take_damage()
+
     def restart(self) -> None:
         """Begin anew after the link was cut; the counters go on."""
         self._bus.restart()

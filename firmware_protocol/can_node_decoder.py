@@ -76,6 +76,8 @@ class NodeDecoder:
         self._returned_tags = 0
         self._frames = self._samples = self._malformed = self._extended = 0
         self._wrong_lengths = self._unnumbered = self._refused = 0
+        self._bad_rows: list[int] = []  # of the run being decoded: samples that cannot be
+        self._damage: list[int] = []
 
     @property
     def in_conflict(self) -> bool:
@@ -164,6 +166,11 @@ class NodeDecoder:
         """Return the flow control frames to be sent since the last call."""
         return self._rare.take_outgoing()
 
+    def take_damage(self) -> list[int]:
+        """Tell where malformed samples came since the last call: how many were delivered before each, ascending."""
+        damage, self._damage = self._damage, []
+        return damage
+
     def restart(self) -> None:
         """Begin anew after the link was cut; the counters go on."""
         self._forget()
@@ -215,6 +222,9 @@ class NodeDecoder:
         if self.in_conflict:
             self._refused += len(rows)
             rows = rows[:0]
+        if self._bad_rows:
+            self._damage += (self._samples + np.searchsorted(rows, sorted(self._bad_rows))).tolist()
+            self._bad_rows.clear()
         if len(rows):
             self._samples += len(rows)
             self._sequence.feed_array(batch.sequence)
@@ -271,7 +281,7 @@ class NodeDecoder:
         if taken < len(samples):
             self._hold(records[samples[taken:]])
         quats, good = quats_from_smallest_three(codes[samples[:taken]] >> np.uint64(8))
-        self._malformed += int(taken - good.sum())
+        self._note_malformed(samples[:taken][~good])
         self._unnumbered += int((good & (counters < 0)).sum())
         good &= counters >= 0
         kept = counters[good]
@@ -282,6 +292,10 @@ class NodeDecoder:
             flags=self._timeline.flags(kept),
         )
         return samples[:taken][good], counters, batch
+
+    def _note_malformed(self, rows: npt.NDArray[np.intp]) -> None:
+        self._malformed += len(rows)
+        self._bad_rows += rows.tolist()
 
     def _hold(self, records: FrameArray) -> None:
         excess = max(len(records) - MAX_HELD, 0)
@@ -300,7 +314,7 @@ class NodeDecoder:
         shaped = (fields["size"] >= _WHOLE_DTYPE.itemsize - 1) & (fields["type"] == PacketType.ORIENTATION)
         quats, good = quats_from_q15(fields["q"])
         good &= shaped
-        self._malformed += int(len(good) - good.sum())
+        self._note_malformed(rows[~good])
         self._extended += int((good & (fields["size"] > _WHOLE_DTYPE.itemsize - 1)).sum())
         fields = fields[good]
         batch = OrientationBatch(

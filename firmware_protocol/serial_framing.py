@@ -120,7 +120,7 @@ class FrameDecoder:
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take what one read returned; return the packets of the frames that it completed."""
-        return self.unframe(self.complete(data))
+        return [packet for packet in self.unframe(self.complete(data)) if isinstance(packet, bytes)]
 
     def restart(self) -> None:
         """Forget the piece begun: the link was cut and opened again. The counters go on."""
@@ -160,14 +160,22 @@ class FrameDecoder:
         """Return where in ``data`` what :meth:`complete` will return begins; negative if it came before."""
         return max(data.find(b"\0"), 0) if self._skipping else -len(self._pending)
 
-    def unframe(self, pieces: bytes) -> list[bytes]:
-        """Return the packets in pieces that each end in a delimiter, as :meth:`complete` gave them."""
+    def unframe(self, pieces: bytes) -> list[bytes | int]:
+        """Return the packets in pieces that each end in a delimiter, as :meth:`complete` gave them.
+
+        A damaged piece gives its length instead. The rest of a frame begun before, and what is longer than any frame,
+        is none.
+        """
         runs = pieces.split(b"\0")
         self._delimiters += len(runs) - 1
-        packets = []
+        packets: list[bytes | int] = []
         for run in runs:
-            if run and (packet := self.open_piece(run)) is not None:
-                packets.append(packet)
+            if run:
+                packet = self.open_piece(run)
+                if packet is not None:
+                    packets.append(packet)
+                elif not self._at_start and len(run) <= MAX_PIECE_BYTES:
+                    packets.append(len(run))
             self._at_start = False
         return packets
 

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import sqrt
 from types import MappingProxyType
@@ -18,12 +18,18 @@ import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol import codec
-from firmware_protocol.batch import ORIENTATION_BYTES, SampleArrays, block_end, decode_block, new_batch
+from firmware_protocol.batch import ORIENTATION_BYTES, SHORTEST_PIECE, SampleArrays, block_end, decode_block, new_batch
 from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
 from firmware_protocol.packets import Command, Info, Orientation, OrientationBatch, Packet, PacketType
 from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
 from firmware_protocol.sequence import SequenceCounters, SequenceTracker
-from firmware_protocol.serial_framing import LONE_FRAME_OVERHEAD, FrameCounters, FrameDecoder, encode_frame
+from firmware_protocol.serial_framing import (
+    LONE_FRAME_OVERHEAD,
+    MAX_PIECE_BYTES,
+    FrameCounters,
+    FrameDecoder,
+    encode_frame,
+)
 
 BATCH_BYTES = 2730
 """A feed that completes at least so many bytes of pieces decodes them together, else one by one.
@@ -104,6 +110,7 @@ class StreamDecoder:
         self._frames = FrameDecoder()
         self._sequence = SequenceTracker()
         self._boot_id: int | None = None
+        self._damage: list[int] = []
         self._samples = 0  # ORIENTATION packets
         self._others = [0] * 256  # other packets, by type byte
         self._malformed = 0
@@ -132,6 +139,15 @@ class StreamDecoder:
         """
         self._frames.restart()
         self._sequence.restart()
+
+    def take_damage(self) -> list[int]:
+        """Tell where damaged frames came since the last call: how many samples were delivered before each, ascending.
+
+        Counted from the decoder's first sample. Malformed packets are among them; oversize pieces and partial starts
+        are not, because no frame is like that. A piece as long as several samples is told as often.
+        """
+        damage, self._damage = self._damage, []
+        return damage
 
     def flush(self) -> list[StreamItem]:
         """Give away what is still held: nothing, for a packet is delivered as soon as its frame is whole."""
@@ -201,13 +217,16 @@ class StreamDecoder:
                 return [new_batch(sample["sequence"], sample["time"], sample["q"], sample["flags"])]
         return self._feed_few([packet])
 
-    def _feed_few(self, packets: list[bytes]) -> list[StreamItem]:
+    def _feed_few(self, packets: Sequence[bytes | int]) -> list[StreamItem]:
         items: list[StreamItem] = []
         sequences: list[int] = []
         times_us: list[int] = []
         components: list[float] = []
         flags: list[int] = []
         for data in packets:
+            if isinstance(data, int):
+                self._note_damaged(self._samples + len(sequences), data)
+                continue
             if len(data) >= ORIENTATION_BYTES and data[0] == _ORIENTATION:
                 sequence, device_time_us, w, x, y, z, flag = _SAMPLE_FIELDS(data, 1)
                 square = w * w + x * x + y * y + z * z
@@ -221,8 +240,9 @@ class StreamDecoder:
                         self._extended += 1
                 else:
                     self._malformed += 1
+                    self._damage.append(self._samples + len(sequences))
                 continue
-            item = self._decode(data)
+            item = self._decode(data, self._samples + len(sequences))
             if item is not None:
                 if sequences:
                     items.append(self._batch(sequences, times_us, components, flags))
@@ -262,12 +282,13 @@ class StreamDecoder:
             report = decode_block(view[start:end], samples, start)
             start = end
             self._frames.count(report.pieces)
-            self._malformed += report.malformed
             self._extended += report.extended
-            opened = ((position, self._frames.open_piece(piece), at) for position, piece, at in report.others)
-            self._place(
-                samples, placed, [(position, packet, at) for position, packet, at in opened if packet is not None]
-            )
+            others = []
+            for position, piece, at in report.others:
+                packet = self._frames.open_piece(piece)
+                if packet is not None or len(piece) <= MAX_PIECE_BYTES:
+                    others.append((position, len(piece) if packet is None else packet, at))
+            self._place(samples, placed, others)
         self._samples += samples.n
         items: list[StreamItem] = []
         delivered = followed = 0
@@ -289,14 +310,18 @@ class StreamDecoder:
         self,
         samples: SampleArrays,
         placed: list[tuple[int, Packet | ForeignInfo, int]],
-        packets: Iterable[tuple[int, bytes, int]],
+        packets: Iterable[tuple[int, bytes | int, int]],
     ) -> None:
         """Decode packets that stand among the samples: samples go in between, the others to ``placed``."""
         positions: list[int] = []
         late: list[Orientation] = []
         ends: list[int] = []
         for position, data, at in packets:
-            item = self._decode(data)
+            before = self._samples + position + len(late)
+            if isinstance(data, int):
+                self._note_damaged(before, data)
+                continue
+            item = self._decode(data, before)
             if isinstance(item, Orientation):
                 positions.append(position)
                 late.append(item)
@@ -306,12 +331,17 @@ class StreamDecoder:
         if late:
             samples.insert(positions, late, ends)
 
-    def _decode(self, data: bytes) -> Packet | ForeignInfo | None:
-        """Decode and count one packet; ORIENTATION is counted where the batches are made."""
+    def _note_damaged(self, n_before: int, size: int) -> None:
+        """Note a damaged piece: where delimiters are hit, it may be several samples."""
+        self._damage += [n_before] * max(1, size // SHORTEST_PIECE)
+
+    def _decode(self, data: bytes, n_before: int) -> Packet | ForeignInfo | None:
+        """Decode and count one packet, with ``n_before`` samples before it; ORIENTATION is counted elsewhere."""
         try:
             packet = codec.decode_packet(data)
         except MalformedPacketError:
             self._malformed += 1
+            self._damage.append(n_before)
             return None
         except UnknownPacketTypeError:
             self._unknown_types += 1

@@ -25,6 +25,9 @@ class PacketDecoder(Protocol):
     def counters(self) -> StreamCounters:
         """Snapshot of what was met so far."""
 
+    def take_damage(self) -> list[int]:
+        """Tell after how many samples, of all delivered, damaged frames came since the last call; ascending."""
+
     def flush(self) -> list[StreamItem]:
         """Give away what is still held: nothing follows."""
 
@@ -56,7 +59,7 @@ class Link:
 
     @property
     def damaged_frames(self) -> int:
-        """Frames that arrived but could not be used, whatever was wrong with them: each may have been a sample."""
+        """Frames that arrived but could not be used, whatever was wrong with them; noise is among them."""
         return self.counters.unusable
 
     @property
@@ -91,6 +94,10 @@ class Link:
         return [
             (item, np.full(len(item) if isinstance(item, OrientationBatch) else 1, len(data) - 1)) for item in items
         ]
+
+    def take_damage(self) -> list[int]:
+        """Tell after how many samples, of all delivered, damaged frames came since the last call; ascending."""
+        return [] if self._decoder is None else self._decoder.take_damage()
 
     def flush(self) -> list[StreamItem]:
         """Give away what the decoder still holds: the link is over.

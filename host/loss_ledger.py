@@ -2,41 +2,27 @@
 
 *Produced* counts from the first sample that could have come to the last one known of: samples received, or a STATUS
 that says how many there were. What is missing between them was *dropped* by the device (its own counter says how many),
-*rejected* here (a frame arrived with a wrong CRC or impossible values; there cannot be more of these samples than
-missing ones), or *lost* on the way. A device reset closes the account of a segment and opens the next.
+*rejected* here (a frame arrived in its place with a wrong CRC or impossible values), or *lost* on the way. A device
+reset closes the account of a segment and opens the next.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol.packets import SEQUENCE_MODULUS, Status
+from host.missing_runs import MissingRun, MissingRuns
 
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
-MAX_GAPS_KEPT = 4096
-"""Gaps remembered one by one; a sample later than so many gaps is taken for a repeated one."""
-
-
-@dataclass(frozen=True, slots=True)
-class Gap:
-    """A run of missing samples."""
-
-    first: int
-    """Unwrapped number of the first missing sample."""
-    missing: int
-    """How many in a row."""
-
-    @property
-    def end(self) -> int:
-        """Number of the sample after the gap."""
-        return self.first + self.missing
+MAX_RUNS_KEPT = 4096
+"""Runs of missing samples remembered one by one; a sample later than so many is taken for a repeated one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,15 +68,16 @@ class LossReport:
 class _Account:
     """One segment."""
 
+    runs: MissingRuns
     first: int | None = None  # number of the first sample that could have come
     last: int = -1  # largest number received
     known_end: int = 0  # number after the last sample known to have been produced
     received: int = 0
     duplicates: int = 0
     reordered: int = 0
-    gaps: deque[Gap] = field(default_factory=lambda: deque(maxlen=MAX_GAPS_KEPT))
-    dropped_at_first: int | None = None
-    dropped_now: int | None = None
+    damaged: int = 0  # frames since the last sample
+    spare: int = 0  # frames before it that stand for no sample missing there
+    dropped_now: int | None = None  # as the last STATUS said
     status_end: int | None = None  # number the last STATUS covers up to
     base: int | None = None  # samples_produced minus unwrapped number
     pending: tuple[Status, Status] | None = None  # the first and the last STATUS before the first sample
@@ -100,31 +87,55 @@ class _Account:
         return 0 if self.first is None else self.known_end - self.first
 
     @property
-    def dropped(self) -> int:
-        if self.dropped_now is None or self.dropped_at_first is None:
-            return 0
-        return max(0, min(self.dropped_now - self.dropped_at_first, self.produced - self.received))
+    def tail(self) -> MissingRun | None:
+        """What is known to be missing behind the last sample."""
+        missing = self.known_end - self.last - 1
+        return MissingRun(self.last + 1, missing, self.damaged) if missing > 0 else None
 
     @property
     def exact(self) -> bool:
         if self.produced == self.received:
             return True
-        end_of_last_gap = self.known_end if self.known_end > self.last + 1 else (self.gaps[-1].end if self.gaps else 0)
-        return self.status_end is not None and self.status_end >= end_of_last_gap
+        run = self.tail or self.runs.newest
+        return self.status_end is not None and (run is None or self.status_end >= run.end)
 
 
 class LossLedger:
-    """Keeps the account while samples and STATUS come in wire order. Memory is bounded."""
+    """Keeps the account while samples and STATUS come in wire order. Memory is bounded.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    max_runs : int
+        Runs of missing samples kept one by one in each account, and of closed accounts together.
+    """
+
+    def __init__(self, max_runs: int = MAX_RUNS_KEPT) -> None:
+        self._max_runs = max_runs
         self._closed = LossReport()
-        self._account = _Account()
+        self._closed_runs: deque[MissingRun] = deque(maxlen=max_runs)
+        self._account = _Account(MissingRuns(max_runs))
 
-    def new_segment(self) -> None:
-        """Close the account: the device was reset or its clock stepped, and its numbers cannot be compared."""
+    @property
+    def is_new(self) -> bool:
+        """Whether the present account waits for its first sample."""
+        return self._account.first is None
+
+    def new_segment(self, shift: int = 0) -> None:
+        """Close the account: the device was reset or its clock stepped, and its numbers cannot be compared.
+
+        Parameters
+        ----------
+        shift : int
+            What makes of this account's numbers those of :meth:`missing_runs`.
+        """
         if self._account.first is not None:
             self._closed = _sum(self._closed, _report(self._account))
-        self._account = _Account()
+            self._closed_runs.extend(_shifted(self._account, shift))
+        self._account = _Account(MissingRuns(self._max_runs))
+
+    def missing_runs(self, shift: int = 0) -> list[MissingRun]:
+        """Give every run of missing samples kept, in order, with why each is missing; ``shift`` as above."""
+        return [*self._closed_runs, *_shifted(self._account, shift)]
 
     def expected_start(self) -> int | None:
         """Give the number of the next sample produced, where a STATUS told before the first sample came."""
@@ -133,13 +144,26 @@ class LossLedger:
             return None
         return account.pending[1].samples_produced
 
-    def feed(self, numbers: IntArray) -> BoolArray:
+    def first_number(self, number: int) -> int:
+        """Tell where an account that opens with this sample begins: a STATUS may have told of samples before it."""
+        pending = self._account.pending
+        if pending is None or not 0 <= number - pending[1].samples_produced < SEQUENCE_MODULUS // 2:
+            return number
+        return pending[0].samples_produced
+
+    def damaged(self, n: int) -> None:
+        """Enter frames that arrived damaged, behind all samples so far."""
+        self._account.damaged += n
+
+    def feed(self, numbers: IntArray, damaged: IntArray | None = None) -> BoolArray:
         """Enter samples.
 
         Parameters
         ----------
         numbers : (n,) int64
             Unwrapped sample numbers in wire order, n >= 1.
+        damaged : (n,) int64, optional
+            Frames that arrived damaged just before each; none by default.
 
         Returns
         -------
@@ -151,23 +175,32 @@ class LossLedger:
             self._open(int(numbers[0]))
         n = len(numbers)
         last = int(numbers[-1])
-        if last - account.last == n and (n == 1 or (numbers[1:] > numbers[:-1]).all()) and numbers[0] > account.last:
+        in_order = last - account.last == n and (n == 1 or (numbers[1:] > numbers[:-1]).all())
+        if in_order and numbers[0] > account.last and damaged is None and not account.damaged + account.spare:
             account.received += n
             account.last = last
-            account.known_end = max(account.known_end, last + 1)
-            return np.ones(n, dtype=np.bool_)
-        step = np.diff(numbers, prepend=account.last)
-        if (step > 0).all():
-            for index in np.flatnonzero(step > 1).tolist():
-                missing = int(step[index]) - 1
-                account.gaps.append(Gap(int(numbers[index]) - missing, missing))
-            account.received += len(numbers)
-            account.last = int(numbers[-1])
-            keep = np.ones(len(numbers), dtype=np.bool_)
+            keep = np.ones(n, dtype=np.bool_)
         else:
-            keep = np.array([self._enter(number) for number in numbers.tolist()], dtype=np.bool_)
+            hits = np.zeros(n, np.int64) if damaged is None else damaged.copy()
+            hits[0] += account.damaged
+            account.damaged = 0
+            keep = self._feed_disturbed(numbers, hits)
         account.known_end = max(account.known_end, account.last + 1)
+        account.runs.settle(account.last + 1)
         return keep
+
+    def _feed_disturbed(self, numbers: IntArray, damaged: IntArray) -> BoolArray:
+        account = self._account
+        missing = np.diff(numbers, prepend=account.last) - 1
+        if account.reordered or (missing < 0).any():
+            pairs = zip(numbers.tolist(), damaged.tolist(), strict=True)
+            return np.array([self._enter(number, hits) for number, hits in pairs], dtype=np.bool_)
+        for index in np.flatnonzero(missing).tolist():
+            gone = int(missing[index])
+            account.runs.add(MissingRun(int(numbers[index]) - gone, gone, int(damaged[index])))
+        account.received += len(numbers)
+        account.last = int(numbers[-1])
+        return np.ones(len(numbers), dtype=np.bool_)
 
     def status(self, status: Status) -> None:
         """Enter the device's own counters."""
@@ -186,74 +219,66 @@ class LossLedger:
             account.base = status.samples_produced - (account.last + 1 + ahead)
             missing = account.produced - account.received + max(0, ahead)
             # Drops from before we listened cannot be told from those since, unless nothing is missing since.
-            account.dropped_at_first = max(0, status.samples_dropped - missing)
+            account.dropped_now = max(0, status.samples_dropped - missing)
         end = status.samples_produced - account.base
         account.known_end = max(account.known_end, end)
         account.status_end = end
+        account.runs.mark(end, max(0, status.samples_dropped - (account.dropped_now or 0)))
+        account.runs.settle(account.last + 1)
         account.dropped_now = status.samples_dropped
 
-    def report(self, damaged_frames: int = 0) -> LossReport:
-        """Give the account over all segments.
-
-        Parameters
-        ----------
-        damaged_frames : int
-            Frames that arrived damaged: as many samples at most count as rejected, the rest as lost.
-        """
-        total = self._closed
-        if self._account.first is not None:
-            total = _sum(total, _report(self._account))
-        unexplained = total.lost
-        rejected = min(damaged_frames, unexplained)
-        return _replace(total, lost=unexplained - rejected, rejected=rejected)
+    def report(self) -> LossReport:
+        """Give the account over all segments."""
+        if self._account.first is None:
+            return self._closed
+        return _sum(self._closed, _report(self._account))
 
     def _open(self, number: int) -> None:
         account = self._account
-        account.first = number
+        account.first = self.first_number(number)
         if account.pending is not None and 0 <= number - account.pending[1].samples_produced < SEQUENCE_MODULUS // 2:
             first, last = account.pending
-            account.first = first.samples_produced
             account.base = 0
             account.status_end = last.samples_produced
-            account.dropped_at_first, account.dropped_now = first.samples_dropped, last.samples_dropped
+            account.runs.mark(last.samples_produced, last.samples_dropped - first.samples_dropped)
+            account.dropped_now = last.samples_dropped
         account.last = account.first - 1
         account.known_end = account.first
 
-    def _enter(self, number: int) -> bool:
-        """Enter one sample of a disturbed run; returns whether it is new."""
+    def _enter(self, number: int, damaged: int) -> bool:
+        """Enter one sample of a disturbed run, and the damaged frames before it; returns whether it is new."""
         account = self._account
-        if number > account.last:
-            if number > account.last + 1:
-                account.gaps.append(Gap(account.last + 1, number - account.last - 1))
-            account.last = number
-            account.received += 1
-            return True
-        for index in range(len(account.gaps) - 1, -1, -1):
-            gap = account.gaps[index]
-            if gap.first <= number < gap.end:
-                left = Gap(gap.first, number - gap.first)
-                right = Gap(number + 1, gap.end - number - 1)
-                account.gaps[index] = left if left.missing else right
-                if left.missing and right.missing:
-                    account.gaps.insert(index + 1, right) if len(account.gaps) < MAX_GAPS_KEPT else None
-                elif not left.missing and not right.missing:
-                    del account.gaps[index]
-                account.received += 1
-                account.reordered += 1
-                return True
-            if gap.end <= number:
-                break
-        account.duplicates += 1
-        return False
+        missing = max(0, number - account.last - 1)
+        spare, account.spare = account.spare, max(0, damaged - missing)
+        if account.spare and account.reordered:
+            # Where frames change places, one damaged may be missing behind the next sample, or before the last.
+            account.spare -= account.runs.explain(account.last, account.spare)
+        else:
+            account.spare = 0
+        if missing:
+            account.runs.add(MissingRun(account.last + 1, missing, damaged + spare))
+        if number <= account.last:
+            if not account.runs.fill(number):
+                account.duplicates += 1
+                return False
+            account.reordered += 1
+        account.last = max(account.last, number)
+        account.received += 1
+        return True
+
+
+def _shifted(account: _Account, shift: int) -> list[MissingRun]:
+    return [replace(run, first=run.first + shift) for run in account.runs.all_runs(account.tail)]
 
 
 def _report(account: _Account) -> LossReport:
-    missing = account.produced - account.received
+    missing = account.runs.totals(account.tail)
     return LossReport(
         produced=account.produced,
         received=account.received,
-        lost=missing - account.dropped,
-        dropped=account.dropped,
+        lost=account.produced - account.received - missing.rejected - missing.dropped,
+        rejected=missing.rejected,
+        dropped=missing.dropped,
         duplicates=account.duplicates,
         reordered=account.reordered,
         segments=1,
@@ -268,8 +293,3 @@ def _sum(one: LossReport, other: LossReport) -> LossReport:
         if item.name != "exact"
     }
     return LossReport(**total, exact=one.exact and other.exact)
-
-
-def _replace(report: LossReport, **changes: int) -> LossReport:
-    values = {item.name: getattr(report, item.name) for item in fields(report)} | changes
-    return LossReport(**values)

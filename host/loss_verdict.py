@@ -16,6 +16,24 @@ GAP_CYCLES_LIMIT = 0.25
 
 
 @dataclass(frozen=True, slots=True)
+class CycleLosses:
+    """The account of one cycle; ``produced == received + lost + rejected + dropped_by_device``."""
+
+    produced: int
+    missing: int
+    """Of these, samples that are not here."""
+    rejected: int
+    """Of the missing, those that arrived damaged."""
+    dropped_by_device: int
+    """Of the missing, those that the device dropped."""
+
+    def to_json(self) -> dict[str, int]:
+        """Turn into plain values, with what follows from them."""
+        lost = self.missing - self.rejected - self.dropped_by_device
+        return asdict(self) | {"received": self.produced - self.missing, "lost": lost}
+
+
+@dataclass(frozen=True, slots=True)
 class LossVerdict:
     """What the losses of one trial come to."""
 

@@ -20,6 +20,7 @@ from firmware_protocol.packets import Event, Info, OrientationBatch, Status
 from firmware_protocol.stream import StreamItem
 from host.clock.device_clock import ClockUnwrapper
 from host.loss_ledger import LossLedger, LossReport
+from host.missing_runs import MissingRun
 from host.sequence_unwrap import SequenceUnwrapper
 
 IntArray = npt.NDArray[np.int64]
@@ -76,10 +77,16 @@ class SegmentStart:
 
 
 class SampleAssembler:
-    """Orders packets of one object into samples: unwraps time and number, drops repeated ones, keeps the ledger."""
+    """Orders packets of one object into samples: unwraps time and number, drops repeated ones, keeps the ledger.
 
-    def __init__(self) -> None:
-        self.ledger = LossLedger()
+    Parameters
+    ----------
+    ledger : LossLedger, optional
+        New; one that keeps more runs of missing samples than usual.
+    """
+
+    def __init__(self, ledger: LossLedger | None = None) -> None:
+        self.ledger = ledger or LossLedger()
         self.info: Info | None = None
         """The object as it last introduced itself."""
         self.status: Status | None = None
@@ -96,6 +103,9 @@ class SampleAssembler:
         self._newest_host_ns = 0
         self._index_shift = 0
         self._next_index = 0
+        self._newest: tuple[int, int] | None = None  # number and device time of the last sample, as on the wire
+        self._n_given = self._n_fed = 0  # samples that came, and those of them that are not held back any more
+        self._damage: deque[int] = deque()  # of damaged frames: after how many samples that came
         self._held: list[tuple[StreamItem, int]] | None = None  # until it is known who is there
         self._n_held = 0
         self._wait_ns = HELD_NS
@@ -146,11 +156,25 @@ class SampleAssembler:
         """
         blocks: list[SampleBlock] = []
         for item in items:
+            if isinstance(item, OrientationBatch):
+                self._n_given += len(item)
             if isinstance(item, Info):
                 blocks += self._feed_info(item)
             elif isinstance(item, OrientationBatch | Status) and not self.foreign:
                 blocks += self._feed_item(item, host_time_ns) if self._held is None else self._hold(item, host_time_ns)
+            if self._held is None:
+                self._n_fed = self._n_given
         return blocks
+
+    def damaged(self, places: Iterable[int]) -> None:
+        """Take note of damaged frames, before the packets around them are fed.
+
+        Parameters
+        ----------
+        places : iterable of int
+            After how many samples, of all that were ever fed, each came; ascending.
+        """
+        self._damage.extend(places)
 
     def feed_run(self, batch: OrientationBatch, host_time_ns: IntArray) -> SampleBlock | None:
         """Take the samples of many chunks at once, where nothing about them is in doubt.
@@ -168,11 +192,12 @@ class SampleAssembler:
             The new samples, the same as :meth:`feed` gives chunk by chunk. None, and nothing is taken in, where a
             segment begins, samples are held back, or the clock may jump: then feed the chunks one by one.
         """
-        if self._held is not None or self.foreign or self._open_reason is not None:
+        if self._held is not None or self.foreign or self._open_reason is not None or self._steps_back(batch):
             return None
         times_us = self._clock.feed_many(batch.device_time_us, host_time_ns)
         if times_us is None:
             return None
+        self._n_given += len(batch)
         return self._feed_piece(batch, times_us, slice(None), int(host_time_ns[-1]))
 
     def _feed_item(self, item: StreamItem, host_time_ns: int) -> list[SampleBlock]:
@@ -216,9 +241,34 @@ class SampleAssembler:
             return None
         return self._offset_s + (located_us - self._origin_us) / 1e6
 
-    def losses(self, damaged_frames: int = 0) -> LossReport:
+    def losses(self) -> LossReport:
         """Give the account so far; see :meth:`LossLedger.report`."""
-        return self.ledger.report(damaged_frames)
+        self._hand_over_damage()
+        return self.ledger.report()
+
+    def missing_runs(self) -> list[MissingRun]:
+        """Give the runs of missing samples, numbered as :attr:`SampleBlock.index`, with why each is missing."""
+        self._hand_over_damage()
+        return self.ledger.missing_runs(self._index_shift)
+
+    def _hand_over_damage(self) -> None:
+        """Tell the ledger of damaged frames behind the last sample."""
+        n = 0
+        while self._damage and self._damage[0] <= self._n_fed:
+            self._damage.popleft()
+            n += 1
+        if n:
+            self.ledger.damaged(n)
+
+    def _damaged_before(self, n: int) -> IntArray | None:
+        """Count the damaged frames before each of the next n samples, and move on behind these; None without any."""
+        first, self._n_fed = self._n_fed, self._n_fed + n
+        if not self._damage or self._damage[0] >= self._n_fed:
+            return None
+        counts = np.zeros(n, np.int64)
+        while self._damage and self._damage[0] < self._n_fed:
+            counts[max(self._damage.popleft() - first, 0)] += 1
+        return counts
 
     def _feed_info(self, info: Info) -> list[SampleBlock]:
         if self.info is not None and info.device_id != self.info.device_id:
@@ -240,8 +290,9 @@ class SampleAssembler:
         if not len(batch):
             return []
         before = None if self.info is None or self._releases else copy.copy(self._clock)
+        steps_back = self._steps_back(batch)
         times_us = self._clock.feed(batch.device_time_us, host_time_ns)
-        cuts = [step.index for step in self._clock.take_steps()]
+        cuts = sorted({*steps_back, *(step.index for step in self._clock.take_steps())})
         if cuts and before is not None:
             before.take_steps()  # they are those of its copy
             self._clock = before
@@ -264,6 +315,22 @@ class SampleAssembler:
         self._begin_hold(doubts_clock=True)
         return blocks + self._hold(_batch_piece(batch, slice(index, None)), host_time_ns)
 
+    def _steps_back(self, batch: OrientationBatch) -> list[int]:
+        """Find samples that are newer by their number than the one before, but older by the device clock.
+
+        Such a step of the clock may be too small for the unwrapping, which takes it for a late sample.
+        """
+        if len(batch) == 1 and self._newest is not None:  # most of what comes live
+            sequence, time_us = self._newest
+            on = (int(batch.sequence[0]) - sequence) % 65536
+            back = (time_us - int(batch.device_time_us[0])) % 2**32
+            return [0] if 0 < on < 32768 and 0 < back < 2**31 else []
+        before = self._newest or (int(batch.sequence[0]), int(batch.device_time_us[0]))
+        newer = np.diff(batch.sequence, prepend=np.uint16(before[0])).view(np.int16) > 0
+        older = np.diff(batch.device_time_us, prepend=np.uint32(before[1])).view(np.int32) < 0
+        found: list[int] = np.flatnonzero(newer & older).tolist()
+        return found
+
     def _clock_stepped(self, number: int, time_us: int, host_time_ns: int) -> None:
         """Decide what a jump of the device clock was: a reset (numbers begin anew) or a step (they count on)."""
         self._jumps_ns.append(host_time_ns)
@@ -281,8 +348,10 @@ class SampleAssembler:
         self._begin_segment("the device clock began anew")
 
     def _begin_segment(self, reason: str) -> None:
-        self.ledger.new_segment()
+        self._hand_over_damage()
+        self.ledger.new_segment(self._index_shift)
         self._sequence.restart()
+        self._newest = None
         if self._open_reason is None:
             self._open_reason = reason
 
@@ -294,7 +363,9 @@ class SampleAssembler:
         numbers = self._sequence.feed(batch.sequence[piece], times_us)
         if self._open_reason is not None:
             self._open_segment(int(times_us[0]), int(numbers[0]), host_time_ns)
-        keep = self.ledger.feed(numbers)
+        last = (len(batch) if piece.stop is None else piece.stop) - 1
+        self._newest = int(batch.sequence[last]), int(batch.device_time_us[last])
+        keep = self.ledger.feed(numbers, self._damaged_before(len(numbers)))
         time_s = self._offset_s + (times_us - self._origin_us) / 1e6
         self._newest_s = max(self._newest_s, float(time_s.max()))
         self._newest_host_ns = host_time_ns
@@ -320,8 +391,8 @@ class SampleAssembler:
         else:
             since_s = (host_time_ns - self._origin_host_ns) / 1e9
             self._offset_s = max(since_s, self._newest_s + 1e-3)
-            if number + self._index_shift < self._next_index:
-                self._index_shift = self._next_index - number
+            if self.ledger.is_new or number + self._index_shift < self._next_index:
+                self._index_shift = self._next_index - self.ledger.first_number(number)
         self._origin_us = time_us
         self.segments.append(SegmentStart(self._segment, self._offset_s, host_time_ns, self._open_reason))
         self._open_reason = None

@@ -150,6 +150,7 @@ class Trial:
         if decoded:
             self._sampled_ns = self._heard_ns
         cycles: list[CycleRow] = []
+        self.assembler.damaged(self.link.take_damage())
         for block in self.assembler.feed(items, self._heard_ns):
             self._rate.add(len(block), self._heard_ns)
             self._last_block = block
@@ -314,7 +315,7 @@ class Trial:
             rate_hz=self._rate.rate_hz(now_ns),
             silent_s=0.0 if self._sampled_ns is None else max(0.0, (now_ns - self._sampled_ns) / 1e9),
             n_bytes=self.link.n_bytes,
-            losses=self.assembler.losses(self.link.damaged_frames),
+            losses=self.assembler.losses(),
             crc_errors=counters.crc_errors,
             malformed=counters.malformed,
             segments=len(segments),

@@ -15,6 +15,7 @@ from firmware_protocol.stream import StreamCounters
 from host.errors import UsageError
 from host.link_uri import parse_link_uri
 from host.loss_ledger import LossReport
+from host.missing_runs import MissingRun
 from host.operator_actions import OperatorAction, action_of
 from host.recording import format as fmt
 from host.recording.raw_stretch import RawStretch
@@ -33,6 +34,8 @@ class RecordedTrial:
     series: OrientationSeries
     """The samples; ``index`` is the unwrapped sequence number, time the device's own clock."""
     losses: LossReport
+    missing: tuple[MissingRun, ...]
+    """Where samples are missing, numbered as the series' ``index``, and why."""
     counters: StreamCounters
     """What the decoder met."""
     info: Info | None
@@ -95,7 +98,8 @@ def assemble(
     ]
     return RecordedTrial(
         series=assembly.samples.series(source, notes),
-        losses=assembler.losses(assembly.link.damaged_frames),
+        losses=assembler.losses(),
+        missing=tuple(assembler.missing_runs()),
         counters=assembly.link.counters,
         info=assembler.info,
         status=assembler.status,

@@ -9,6 +9,7 @@ import dataclasses
 import enum
 import json
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ from analysis.series import FloatArray, OrientationSeries
 from analysis.trial_score import ExcludedCycle, TrialScore, finite
 from firmware_protocol.packets import Info
 from host.errors import FileError
-from host.loss_verdict import judge_losses
+from host.loss_verdict import CycleLosses, judge_losses
+from host.missing_runs import missing_between
 from host.operator_actions import OperatorEdits, edits_of
 from host.plain_text import plain
 from host.recording.recorded_trial import RecordedTrial
@@ -78,8 +80,9 @@ def score_trial(
     )
     if honoured:
         score = replace(score, window=replace(score.window, source="the operator, during the capture"))
-    missing, expected = samples_per_cycle(trial.series, [point.time_s for point in score.endpoints])
-    verdict = judge_losses(trial.losses, missing, expected)
+    per_cycle = losses_per_cycle(trial, [point.time_s for point in score.endpoints])
+    missing = [cycle.missing for cycle in per_cycle]
+    verdict = judge_losses(trial.losses, missing, [cycle.produced for cycle in per_cycle])
     extra: dict[str, Any] = {
         **score.extra,
         "object": describe_object(trial.info),
@@ -93,6 +96,7 @@ def score_trial(
             "reconnects": trial.reconnects,
         },
         "missing_per_cycle": missing,
+        "losses_per_cycle": [cycle.to_json() for cycle in per_cycle],
         "quality": verdict.to_json(),
         "events": [dataclasses.asdict(event) for event in trial.events],
         "operator": [dataclasses.asdict(action) for action in trial.actions],
@@ -155,26 +159,30 @@ def trial_warnings(trial: RecordedTrial) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def samples_per_cycle(series: OrientationSeries, endpoint_times_s: list[float]) -> tuple[list[int], list[int]]:
-    """Count the samples missing, and those there should be, between neighbouring end points.
+def losses_per_cycle(trial: RecordedTrial, endpoint_times_s: list[float]) -> list[CycleLosses]:
+    """Give the account of the samples between neighbouring end points; each cycle begins with its end point's sample.
 
     Parameters
     ----------
-    series : OrientationSeries
-        With sequence numbers as index.
+    trial : RecordedTrial
+        Whose samples have numbers.
     endpoint_times_s : list of float
         n end points, s.
 
     Returns
     -------
-    missing, expected : list of int
-        n − 1 counts each.
+    list of CycleLosses
+        n − 1 of them.
     """
+    series = trial.series
     if len(endpoint_times_s) < 2 or series.index_kind != "sequence":
-        return [], []
+        return []
     at = np.searchsorted(series.times_s, endpoint_times_s).clip(0, len(series) - 1)
-    span, here = np.diff(series.index[at]), np.diff(at)
-    return np.maximum(span - here, 0).tolist(), np.maximum(span, 0).tolist()
+    bounds = series.index[at].tolist()
+    return [
+        CycleLosses(after - before, gone.missing, gone.rejected, gone.dropped)
+        for (before, after), gone in zip(pairwise(bounds), missing_between(trial.missing, bounds), strict=True)
+    ]
 
 
 def describe_object(info: Info | None) -> dict[str, Any] | None:

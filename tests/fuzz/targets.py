@@ -55,14 +55,18 @@ def stream(data: bytes) -> None:
     cut = 1 + data[0] if data else 1
     whole = StreamDecoder()
     n_whole = sum(len(item) for item in whole.feed(data) if isinstance(item, OrientationBatch))
-    n = 0
+    n, damage = 0, list[int]()
     for number, at in enumerate(range(0, len(data), cut)):
         items = decoder.feed(data[at : at + cut])
         n += sum(len(item) for item in items if isinstance(item, OrientationBatch))
+        hits = decoder.take_damage()
+        damage += hits
+        assembler.damaged(hits)
         for block in assembler.feed(items, number * 10_000_000):
             assert np.isfinite(block.time_s).all()
             assert np.abs(np.linalg.norm(block.quats_wxyz, axis=1) - 1).max() < 1e-9
     assert n == n_whole
+    assert damage == whole.take_damage()
     counters = decoder.counters
     assert counters == whole.counters
     assert counters.bytes == len(data)
@@ -70,7 +74,7 @@ def stream(data: bytes) -> None:
         counters.delimiters + counters.frame_bytes + counters.skipped_bytes + counters.pending_bytes
     )
     assert counters.pending_bytes <= MAX_PIECE_BYTES
-    check_ledger(assembler.losses(counters.malformed + counters.crc_errors))
+    check_ledger(assembler.losses())
 
 
 def can(data: bytes) -> None:
@@ -89,6 +93,7 @@ def can(data: bytes) -> None:
     decoder, assembler = CanStreamDecoder(answers=True), SampleAssembler()
     for start in range(0, len(frames), 7):
         items = decoder.feed(pack_frames(frames[start : start + 7]))
+        assembler.damaged(decoder.take_damage())
         assembler.feed(items, 10_000_000 * start)
     assembler.feed(decoder.flush(), 10_000_000 * len(frames))
     assert len(decoder.take_outgoing()) <= len(frames)

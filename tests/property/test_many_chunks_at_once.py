@@ -51,6 +51,7 @@ def one_by_one(chunks):
     for chunk in chunks:
         items = link.feed(chunk)
         heard_ns = chunk.host_time_ns if chunk.data else heard_ns
+        assembler.damaged(link.take_damage())
         blocks += assembler.feed(items, heard_ns)
         events += [assembler.locate_s(item, heard_ns) for item in items if isinstance(item, Event)]
         temperatures_c += [item.temperature_c for item in items if isinstance(item, Status)]
@@ -70,7 +71,8 @@ def test_a_recording_gives_what_the_capture_had(name, tmp_path):
     trial = load_trial(tmp_path / "x.mcap")
     link, assembler, series, events_s, temperatures_c = one_by_one(chunks)
     assert trial.counters == link.counters
-    assert trial.losses == assembler.losses(link.damaged_frames)
+    assert trial.losses == assembler.losses()
+    assert trial.missing == tuple(assembler.missing_runs())
     assert trial.segments == tuple(assembler.segments)
     assert (trial.info, trial.status) == (assembler.info, assembler.status)
     assert [event.time_s for event in trial.events] == events_s

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from firmware_protocol.packets import Status
 from host.loss_ledger import LossLedger, LossReport
 from host.loss_verdict import LossVerdict, judge_losses
+from host.missing_runs import MissingTotals, missing_between
 from host.sequence_unwrap import SequenceUnwrapper
 
 
@@ -43,10 +44,28 @@ def test_gaps_are_lost_unless_the_device_says_it_dropped_them():
     assert ledger.report().exact
 
 
-def test_damaged_frames_explain_missing_samples_but_never_more():
-    ledger = entered(range(10), range(12, 20))
-    assert parts(ledger.report(damaged_frames=1)) == (20, 18, 1, 1, 0)
-    assert parts(ledger.report(damaged_frames=9)) == (20, 18, 0, 2, 0)
+def test_damaged_frames_explain_what_is_missing_in_their_place_and_nothing_else():
+    ledger = entered(range(10))
+    ledger.damaged(5)
+    ledger.feed(np.arange(12, 20))
+    assert parts(ledger.report()) == (20, 18, 0, 2, 0)
+    ledger.feed(np.array([20, 23, 24]), np.array([1, 1, 1]))  # noise, one of two, noise
+    assert parts(ledger.report()) == (25, 21, 1, 3, 0)
+    ledger.damaged(1)
+    assert parts(ledger.report()) == (25, 21, 1, 3, 0)
+    ledger.status(status(27))
+    assert parts(ledger.report()) == (27, 21, 2, 4, 0)
+
+
+def test_each_run_of_missing_samples_has_its_reason():
+    ledger = entered(range(10), status(10, 0), range(15, 20), range(22, 30), status(30, 5))
+    ledger.damaged(1)
+    ledger.feed(np.arange(31, 41))
+    ledger.status(status(44, 7))
+    runs = [(run.first, run.missing, run.lost, run.rejected, run.dropped) for run in ledger.missing_runs(shift=100)]
+    assert runs == [(110, 5, 0, 0, 5), (120, 2, 2, 0, 0), (130, 1, 0, 1, 0), (141, 3, 1, 0, 2)]
+    totals = list(missing_between(ledger.missing_runs(), [0, 12, 21, 31, 45]))
+    assert totals == [MissingTotals(2, 0, 2), MissingTotals(4, 0, 3), MissingTotals(2, 1, 0), MissingTotals(3, 0, 2)]
 
 
 def test_samples_lost_at_both_ends_are_known_from_status():
@@ -94,32 +113,40 @@ def test_the_account_is_what_happened(start, deeds, cut):
     produced, dropped, damaged, lost, received, repeated = start, 0, 0, 0, 0, 0
     ledger = LossLedger()
     ledger.status(status(start, 0))
-    run = []
+    run, hits = [], [0]  # samples, and the damaged frames before each and behind the last
     for deed in [*deeds, "status"]:
         if deed == "status":
-            if run:
-                for at in range(0, len(run), cut):
-                    ledger.feed(np.array(run[at : at + cut], dtype=np.int64))
-                run = []
+            for at in range(0, len(run), cut):
+                piece = slice(at, min(at + cut, len(run)))
+                ledger.feed(np.array(run[piece], dtype=np.int64), np.array(hits[piece], dtype=np.int64))
+            ledger.damaged(hits[-1])
+            run, hits = [], [0]
             ledger.status(status(produced, dropped))
         elif deed == "repeat":
-            if run:
+            if run and not hits[-1]:
                 run.append(run[-1])
+                hits.append(0)
                 repeated += 1
         else:
             if deed == "take":
                 run.append(produced)
+                hits.append(0)
                 received += 1
             dropped += deed == "drop"
             damaged += deed == "damage"
+            hits[-1] += deed == "damage"
             lost += deed == "lose"
             produced += 1
-    report = ledger.report(damaged)
+    report = ledger.report()
     assert report.produced == report.received + report.lost + report.rejected + report.dropped
     assert report.duplicates == repeated
     if received:
         assert parts(report) == (produced - start, received, lost, damaged, dropped)
         assert report.exact
+        runs = ledger.missing_runs()
+        assert [run.first for run in runs] == sorted({run.first for run in runs})
+        (total,) = missing_between(runs, [start, produced])
+        assert total == MissingTotals(report.missing, damaged, dropped)
 
 
 def test_wraps_are_counted_over_gaps_longer_than_a_wrap():

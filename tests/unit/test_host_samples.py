@@ -93,6 +93,23 @@ def test_a_step_of_the_device_clock_does_not_invent_losses():
     assert series_of(blocks, "test").index.tolist() == [*range(100), *range(110, 200)]
 
 
+@pytest.mark.parametrize("at_once", [1, 7, 200])
+def test_a_small_step_back_of_the_device_clock_costs_no_sample(at_once):
+    numbers = np.arange(200)
+    times_us = numbers * PERIOD_US - np.where(numbers >= 100, 150_000, 0) + 400_000
+    assembler, blocks = SampleAssembler(), []
+    for start in range(0, 200, at_once):
+        piece = slice(start, start + at_once)
+        quats = np.tile([1.0, 0.0, 0.0, 0.0], (len(numbers[piece]), 1))
+        flags = np.zeros(len(quats), np.uint8)
+        part = OrientationBatch(numbers[piece].astype(np.uint16), times_us[piece].astype(np.uint32), quats, flags)
+        blocks += assembler.feed([part], int(10**12 + numbers[piece][-1] * PERIOD_US * 1000))
+    assert [segment.reason for segment in assembler.segments] == ["the capture began", "the device clock stepped"]
+    series = series_of(blocks, "test")
+    assert series.index.tolist() == numbers.tolist()
+    assert (assembler.losses().received, assembler.losses().missing, assembler.losses().segments) == (200, 0, 1)
+
+
 def test_late_samples_are_put_where_they_belong_and_repeated_ones_dropped():
     assembler, blocks = assembled(
         ([batch([0, 1, 2, 4, 5])], host_ns([5])),
@@ -144,7 +161,7 @@ WIRE = b"".join(
 def samples_of(chunks):
     link, assembler = Link(), SampleAssembler()
     blocks = [block for chunk in chunks for block in assembler.feed(link.feed(chunk), chunk.host_time_ns)]
-    return series_of(blocks, "test"), assembler.losses(link.damaged_frames)
+    return series_of(blocks, "test"), assembler.losses()
 
 
 @settings(max_examples=60, deadline=None)

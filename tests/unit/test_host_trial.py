@@ -8,7 +8,7 @@ from host.link import Link
 from host.rate_meter import RateMeter
 from host.recording.recorded_trial import assemble
 from host.running_score import MAX_ROWS
-from host.scoring.result import result_text, samples_per_cycle, score_trial
+from host.scoring.result import losses_per_cycle, result_text, score_trial
 from host.screen.screens import QuietScreen
 from host.stop_signals import StopSignals
 from host.transports.chunks import Chunk
@@ -108,6 +108,7 @@ def test_losses_reach_the_result(default):
     result = score_trial(assemble(kept, "a.mcap")).to_json()
     assert result["losses"]["missing"] == 30
     assert sum(result["missing_per_cycle"]) == 30
+    assert sum(cycle["lost"] for cycle in result["losses_per_cycle"]) == 30
     assert not any("degraded" in warning for warning in result["warnings"])
     kept = [chunk for number, chunk in enumerate(chunks) if number % 20]
     result = score_trial(assemble(kept, "a.mcap")).to_json()
@@ -115,11 +116,23 @@ def test_losses_reach_the_result(default):
     assert result["losses"]["share"] == pytest.approx(0.05, abs=0.005)
 
 
-def test_missing_samples_are_counted_between_end_points_only():
+def test_each_cycle_has_an_account():
     chunks, _ = virtual_chunks(scenario("ideal"), duration_s=3.0)
-    series = assemble(chunks, "x").series
-    assert samples_per_cycle(series, [0.5, 1.0, 2.0]) == ([0, 0], [50, 100])
-    assert samples_per_cycle(series, [0.5]) == ([], [])
+    whole = losses_per_cycle(assemble(chunks, "x"), [0.5, 1.0, 2.0])
+    assert [cycle.produced for cycle in whole] == [50, 100]
+    assert [cycle.missing for cycle in whole] == [0, 0]
+    cut = assemble([chunk for number, chunk in enumerate(chunks) if not 90 <= number < 110], "x")
+    before, after = losses_per_cycle(cut, [0.5, 1.0, 2.0])
+    assert before.missing + after.missing == cut.losses.missing == 20
+    assert before.to_json() == {
+        "produced": before.missing + 39,
+        "missing": before.missing,
+        "rejected": 0,
+        "dropped_by_device": 0,
+        "received": 39,
+        "lost": before.missing,
+    }
+    assert losses_per_cycle(cut, [0.5]) == []
 
 
 def test_an_object_that_was_reset_is_scored_with_a_warning(default):

@@ -1,0 +1,209 @@
+"""Runs of missing samples, and why each is missing: dropped by the device, arrived damaged, or lost on the link.
+
+What the device dropped, its STATUS says: so many between one STATUS and the next. A damaged frame between two samples
+is one of those missing there. What neither explains was lost.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(slots=True)
+class MissingRun:
+    """Missing samples in a row."""
+
+    first: int
+    """Number of the first."""
+    missing: int
+    """How many."""
+    damaged: int = 0
+    """Damaged frames that came in their place; noise may be among them."""
+    dropped: int = 0
+    """Of the missing, those that the device dropped."""
+
+    @property
+    def end(self) -> int:
+        """Number of the sample after the run."""
+        return self.first + self.missing
+
+    @property
+    def rejected(self) -> int:
+        """Of the missing, those that arrived damaged."""
+        return min(self.damaged, self.missing - self.dropped)
+
+    @property
+    def lost(self) -> int:
+        """Of the missing, those lost on the link."""
+        return self.missing - self.dropped - self.rejected
+
+
+@dataclass(frozen=True, slots=True)
+class MissingTotals:
+    """Sums over runs."""
+
+    missing: int = 0
+    rejected: int = 0
+    dropped: int = 0
+
+
+class MissingRuns:
+    """The runs of one account, in order of their numbers.
+
+    Parameters
+    ----------
+    max_runs : int
+        How many are kept one by one; the older ones are only summed up.
+    """
+
+    def __init__(self, max_runs: int) -> None:
+        self._max_runs = max_runs
+        self._runs: deque[MissingRun] = deque()
+        self._gone = MissingTotals()
+        self._marks: deque[tuple[int, int]] = deque()  # of STATUS: number it covers up to, dropped since the one before
+        self._settled_end = 0
+        self._unplaced = 0  # dropped, but no run had room for it
+
+    @property
+    def newest(self) -> MissingRun | None:
+        """The run with the largest numbers."""
+        return self._runs[-1] if self._runs else None
+
+    def add(self, run: MissingRun) -> None:
+        """Enter a run behind all others."""
+        self._runs.append(run)
+        if len(self._runs) > self._max_runs:
+            self._gone = _total([self._runs.popleft()], self._gone)
+
+    def explain(self, end: int, damaged: int) -> int:
+        """Enter damaged frames for the run that ends at ``end``; return for how many of them it has room."""
+        run = self.newest
+        here = 0 if run is None or run.end != end else max(0, min(damaged, run.missing - run.damaged))
+        if run is not None:
+            run.damaged += here
+        return here
+
+    def fill(self, number: int) -> bool:
+        """Take out a sample that came late; False if it is not missing (any more)."""
+        for place in range(len(self._runs) - 1, -1, -1):
+            run = self._runs[place]
+            if run.end <= number:
+                return False
+            if number < run.first:
+                continue
+            left, right = MissingRun(run.first, number - run.first), MissingRun(number + 1, run.end - number - 1)
+            left.damaged = min(run.damaged, left.missing)
+            right.damaged = run.damaged - left.damaged
+            left.dropped = min(run.dropped, left.missing)
+            right.dropped = min(run.dropped - left.dropped, right.missing)
+            self._unplaced += run.dropped - left.dropped - right.dropped
+            parts = [part for part in (left, right) if part.missing]
+            if parts:
+                self._runs[place] = parts[0]
+            else:
+                del self._runs[place]
+            if len(parts) > 1 and len(self._runs) < self._max_runs:
+                self._runs.insert(place + 1, parts[1])
+            return True
+        return False
+
+    def mark(self, end: int, dropped: int) -> None:
+        """Enter a STATUS: of the samples up to number ``end``, ``dropped`` more were dropped than the last one said."""
+        self._marks.append((end, dropped))
+
+    def settle(self, next_number: int) -> None:
+        """Say that nothing below ``next_number`` is still expected: STATUS that cover no more are accounted for."""
+        while self._marks and self._marks[0][0] <= next_number:
+            end, dropped = self._marks.popleft()
+            self._unplaced = _place_dropped(self._recent(), self._settled_end, end, dropped + self._unplaced)
+            self._settled_end = max(self._settled_end, end)
+
+    def all_runs(self, tail: MissingRun | None = None) -> list[MissingRun]:
+        """Give all runs kept, as far as it is known now; ``tail`` is missing behind the last sample."""
+        settled = [run for run in self._runs if run.end <= self._settled_end]
+        recent = [replace(run) for run in self._recent()]
+        if tail is not None:
+            recent.append(tail)
+        left, start = self._unplaced, self._settled_end
+        for end, dropped in self._marks:
+            left = _place_dropped(recent, start, end, dropped + left)
+            start = max(start, end)
+        return settled + recent
+
+    def totals(self, tail: MissingRun | None = None) -> MissingTotals:
+        """Sum up all runs, those no longer kept as well."""
+        return _total(self.all_runs(tail), self._gone)
+
+    def _recent(self) -> list[MissingRun]:
+        """Return the runs behind the last STATUS that is accounted for."""
+        found: list[MissingRun] = []
+        for run in reversed(self._runs):
+            if run.end <= self._settled_end:
+                break
+            found.append(run)
+        return found[::-1]
+
+
+def _place_dropped(runs: Sequence[MissingRun], start: int, end: int, dropped: int) -> int:
+    """Share out what the device dropped of the samples from ``start`` up to ``end``; return what finds no room.
+
+    Where no damaged frame came first, and long runs before short ones: a full link makes a device drop many in a row.
+    """
+    longest_first = sorted(runs, key=lambda run: run.damaged - run.missing)
+    for spared in (True, False):
+        for run in longest_first:
+            within = min(run.end, end) - max(run.first, start)
+            here = min(dropped, within, run.missing - run.dropped - (run.damaged if spared else 0))
+            if here > 0:
+                run.dropped += here
+                dropped -= here
+    return dropped
+
+
+def _total(runs: Iterable[MissingRun], start: MissingTotals) -> MissingTotals:
+    missing, rejected, dropped = start.missing, start.rejected, start.dropped
+    for run in runs:
+        missing += run.missing
+        rejected += run.rejected
+        dropped += run.dropped
+    return MissingTotals(missing, rejected, dropped)
+
+
+def missing_between(runs: Sequence[MissingRun], bounds: Sequence[int]) -> Iterator[MissingTotals]:
+    """Sum up the runs between neighbouring bounds.
+
+    Parameters
+    ----------
+    runs
+        In order.
+    bounds
+        n + 1 sample numbers, ascending: from each on up to the next. A run across a bound is thought of as its dropped
+        samples first, then the rejected, then the lost.
+
+    Yields
+    ------
+    MissingTotals
+        n of them.
+    """
+    columns = np.array([(run.first, run.missing, run.rejected, run.dropped) for run in runs], dtype=np.int64)
+    first, missing, rejected, dropped = columns.reshape(-1, 4).T
+    sums = np.cumsum(np.vstack([missing, rejected, dropped]), axis=1)
+    below = []
+    for bound in bounds:
+        whole = int(np.searchsorted(first + missing, bound, side="right"))
+        total = sums[:, whole - 1].copy() if whole else np.zeros(3, np.int64)
+        if whole < len(first) and first[whole] < bound:
+            n = bound - first[whole]
+            n_dropped = min(n, dropped[whole])
+            total += (n, min(n - n_dropped, rejected[whole]), n_dropped)
+        below.append(total)
+    for before, after in pairwise(below):
+        yield MissingTotals(*(after - before).tolist())
