@@ -76,7 +76,7 @@ class NodeDecoder:
         self._returned_tags = 0
         self._frames = self._samples = self._malformed = self._extended = 0
         self._wrong_lengths = self._unnumbered = self._refused = 0
-        self._bad_rows: list[int] = []  # of the run being decoded: samples that cannot be
+        self._bad_rows: list[int] = []  # of the run being decoded: samples that cannot be used
         self._damage: list[int] = []
 
     @property
@@ -167,7 +167,7 @@ class NodeDecoder:
         return self._rare.take_outgoing()
 
     def take_damage(self) -> list[int]:
-        """Tell where malformed samples came since the last call: how many were delivered before each, ascending."""
+        """Tell where malformed or refused samples came since the last call: how many were delivered before each, ascending."""
         damage, self._damage = self._damage, []
         return damage
 
@@ -221,6 +221,7 @@ class NodeDecoder:
             rows, batch = _merged(rows, batch, whole_rows, whole_batch)
         if self.in_conflict:
             self._refused += len(rows)
+            self._bad_rows += rows.tolist()
             rows = rows[:0]
         if self._bad_rows:
             self._damage += (self._samples + np.searchsorted(rows, sorted(self._bad_rows))).tolist()

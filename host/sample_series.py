@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from analysis.series import OrientationSeries
-from host.samples import SampleBlock
+from host.sample_blocks import SampleBlock
 
 FIRST_SAMPLES = 1 << 16
 GROWTH = 1.25

@@ -10,7 +10,6 @@ from __future__ import annotations
 import copy
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -21,10 +20,10 @@ from firmware_protocol.stream import StreamItem
 from host.clock.device_clock import ClockUnwrapper
 from host.loss_ledger import LossLedger, LossReport
 from host.missing_runs import MissingRun
+from host.sample_blocks import SampleBlock, SegmentStart, selected
 from host.sequence_unwrap import SequenceUnwrapper
 
 IntArray = npt.NDArray[np.int64]
-FloatArray = npt.NDArray[np.float64]
 
 HELD_NS = 3_000_000_000
 """How long samples are held back until a reopened link's object says who it is; later they are taken for its own."""
@@ -39,41 +38,6 @@ CROWDED_NS = 2_000_000_000
 CROWDED = "two objects send on this line at once (or one that starts again and again): its samples are left out"
 CONTINUES_WITHIN = 0.1
 """After a step of the device clock the numbers count on if they fit the host's time to this share (or 64 samples)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SampleBlock:
-    """n samples of one segment in wire order; none of them was here before."""
-
-    segment: int
-    """0, and one more after each reset of the device or step of its clock."""
-    sequence: IntArray
-    """(n,) unwrapped number within the segment."""
-    index: IntArray
-    """(n,) number within the whole capture: segments follow each other."""
-    time_s: FloatArray
-    """(n,) device time since the first sample of the capture, s."""
-    quats_wxyz: FloatArray
-    """(n, 4) unit quaternions, body to world."""
-    flags: npt.NDArray[np.uint8]
-    """(n,) bits of :class:`firmware_protocol.packets.OrientationFlag`."""
-    host_time_ns: int
-    """Reception of the chunk, monotonic."""
-
-    def __len__(self) -> int:
-        return len(self.sequence)
-
-
-@dataclass(frozen=True, slots=True)
-class SegmentStart:
-    """Where a segment begins."""
-
-    segment: int
-    time_s: float
-    """On the time axis of the capture."""
-    host_time_ns: int
-    reason: str
-    """For people."""
 
 
 class SampleAssembler:
@@ -380,7 +344,7 @@ class SampleAssembler:
             flags=batch.flags[piece],
             host_time_ns=host_time_ns,
         )
-        return block if keep.all() else _selected(block, keep)
+        return block if keep.all() else selected(block, keep)
 
     def _open_segment(self, time_us: int, number: int, host_time_ns: int) -> None:
         assert self._open_reason is not None
@@ -401,16 +365,4 @@ class SampleAssembler:
 def _batch_piece(batch: OrientationBatch, piece: slice) -> OrientationBatch:
     return OrientationBatch(
         batch.sequence[piece], batch.device_time_us[piece], batch.quats_wxyz[piece], batch.flags[piece]
-    )
-
-
-def _selected(block: SampleBlock, keep: npt.NDArray[np.bool_]) -> SampleBlock:
-    return SampleBlock(
-        segment=block.segment,
-        sequence=block.sequence[keep],
-        index=block.index[keep],
-        time_s=block.time_s[keep],
-        quats_wxyz=block.quats_wxyz[keep],
-        flags=block.flags[keep],
-        host_time_ns=block.host_time_ns,
     )

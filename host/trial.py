@@ -26,7 +26,8 @@ from host.link import Link
 from host.plain_text import plain
 from host.rate_meter import RateMeter
 from host.running_score import RunningScore
-from host.samples import SampleAssembler, SampleBlock
+from host.sample_blocks import SampleBlock
+from host.samples import SampleAssembler
 from host.session import RoundTrip
 from host.transports.chunks import AnyChunk
 from host.trial_state import CycleRow, LinkView, MotionView, SensorView, TrialState
@@ -203,6 +204,11 @@ class Trial:
             link=self._link_view(link, now_ns),
             warnings=warnings,
         )
+
+    @property
+    def clock_estimate(self) -> ClockEstimate | None:
+        """What is known of the object's clock now; None before the first sample."""
+        return self._clock.estimate()
 
     def clock_values(self) -> dict[str, Any] | None:
         """Lay out the live estimate of the object's clock, for a result file; None before the first sample."""

@@ -82,7 +82,8 @@ def run_capture(
     LinkError
         The link cannot be opened, or nothing to score came from it.
     FileError
-        Recording or result exist already or cannot be written.
+        Recording or result exist already, or the recording cannot be written. Where only the result cannot be, the
+        outcome has the error.
     """
     result_path = recording_path.with_suffix(".json")
     for path in (recording_path, result_path):  # before an object is started for it
@@ -196,13 +197,15 @@ def record(
         settings.until_half_width_deg,
         baseline,
     )
-    threading.Thread(target=_load_slow_modules, name="rotdrift-imports", daemon=True).start()
+    imports = threading.Thread(target=_load_slow_modules, name="rotdrift-imports", daemon=True)
+    imports.start()
     screen.start()
     try:
         outcome = Capture(transport, writer, trial, screen, settings, stop).run()
     finally:
         if not keep_screen:
             screen.stop()
+    imports.join()  # two threads in the same import can see it half done
     if not trial.assembler.segments:
         _remove_empty(recording_path)
         raise outcome.error or LinkError(
@@ -228,14 +231,19 @@ def _finish(
         score = score_trial(trial, options, captured)
     except AnalysisError as error:
         raise FileError(f"{recording_path} cannot be scored ({error})", "the recording is kept") from error
-    write_result(score, result_path)
+    try:
+        write_result(score, result_path)
+    except FileError as error:  # on a full disk the score is still shown
+        outcome = replace(outcome, error=outcome.error or error)
     return FinishedCapture(outcome, score, trial, recording_path, result_path)
 
 
 def _load_slow_modules() -> None:
     """Import beside the capture what would otherwise be imported in the middle of it, and stall it for a second."""
-    for name in ("scipy.ndimage", "scipy.stats"):
-        importlib.import_module(name)
+    # What does not load here is told where it is needed.
+    with contextlib.suppress(ImportError, AttributeError):
+        for name in ("scipy.ndimage", "scipy.stats"):
+            importlib.import_module(name)
 
 
 def _remove_empty(path: Path) -> None:

@@ -103,18 +103,20 @@ def run(args: argparse.Namespace) -> int:
         from host.scoring.view import print_score
 
         print_score(finished.score)
-        _print_difference(finished)
-        sys.stdout.write(f"recording  {finished.recording}\nresult     {finished.result}\n")
+        _print_files(finished)
     sys.stdout.flush()
     if finished.outcome.error is not None:
         raise finished.outcome.error
     return 0 if finished.score.valid else 1
 
 
-def _print_difference(finished: FinishedCapture) -> None:
+def _print_files(finished: FinishedCapture) -> None:
     from host.capture.run import difference_line
 
     sys.stdout.write(difference_line(finished.outcome.last_state.theta_bar_deg, finished.score))
+    sys.stdout.write(f"recording  {finished.recording}\n")
+    if finished.result.exists():
+        sys.stdout.write(f"result     {finished.result}\n")
 
 
 def _run_several(
@@ -146,8 +148,7 @@ def _run_several(
             sys.stdout.write(f"\n{item.link}\n")
             sys.stdout.flush()
             print_score(finished.score)
-            _print_difference(finished)
-            sys.stdout.write(f"recording  {finished.recording}\nresult     {finished.result}\n")
+            _print_files(finished)
     sys.stdout.flush()
     return max(item.exit_code for item in outcomes)
 

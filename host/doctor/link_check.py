@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 from host.capture.loop import Capture, CaptureOutcome, CaptureSettings
+from host.clock.device_clock import ClockEstimate
 from host.doctor.findings import Finding, Verdict, judged
 from host.errors import HostError
 from host.loss_verdict import LOSS_LIMIT
@@ -80,7 +81,7 @@ def _judged_capture(trial: Trial, outcome: CaptureOutcome) -> list[Finding]:
                 verdict=Verdict.BAD,
             )
         )
-        found.append(_skew(values.get("skew_ppm"), values.get("skew_uncertainty_ppm")))
+        found.append(_skew(trial.clock_estimate))
         width_ms = values.get("offset_uncertainty_ms")
         if width_ms is not None:
             found.append(Finding("clock offset", Verdict.INFO, f"known within {width_ms:.2f} ms"))
@@ -106,9 +107,13 @@ def _handshake(trial: Trial) -> Finding:
     )
 
 
-def _skew(skew_ppm: float | None, uncertainty_ppm: float | None) -> Finding:
-    if skew_ppm is None:
-        text = "" if uncertainty_ppm is None else f" (within {uncertainty_ppm:.0f} ppm so far)"
-        return Finding("clock skew", Verdict.INFO, f"not known after so few seconds{text}")
+def _skew(estimate: ClockEstimate | None) -> Finding:
+    if estimate is None or estimate.n_bins < 3:
+        return Finding("clock skew", Verdict.INFO, "not known after so few seconds")
+    # What the link usually adds, over the time that was listened to: how far the line may be turned.
+    known_ppm = min(estimate.skew_uncertainty_ppm, 1e-3 * estimate.jitter_p50_ns / (estimate.n_bins - 1))
+    text = f"{estimate.skew_ppm:+.0f} ppm, known within about {max(known_ppm, 1):.0f} ppm"
+    if known_ppm > MAX_SKEW_PPM:
+        return Finding("clock skew", Verdict.INFO, f"{text}: listen longer (--seconds)")
     mend = "the object's crystal is out of its range; durations are wrong by as much"
-    return judged("clock skew", f"{skew_ppm:+.0f} ppm", good=abs(skew_ppm) <= MAX_SKEW_PPM, mend=mend)
+    return judged("clock skew", text, good=abs(estimate.skew_ppm) - known_ppm <= MAX_SKEW_PPM, mend=mend)

@@ -23,7 +23,7 @@ from host.recording.reader import RecordedMessage, RecordingHeader, RecordingRea
 from host.recording.round_trips import RecordedRoundTrips
 from host.recording.sample_arrivals import clock_values
 from host.recording.trial_assembly import MAX_EVENTS, TimedEvent, TrialAssembly
-from host.samples import SegmentStart
+from host.sample_blocks import SegmentStart
 from host.transports.chunks import AnyChunk
 
 

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 
 from host.errors import FileError
@@ -152,16 +153,38 @@ class RecordingSink:
 
     def restore(self) -> bool:
         """Write a deleted recording again from the still open file; never over another file."""
-        if not self.removed() or self.path.exists():
-            return False
+        return self.removed() and not self.path.exists() and self._copy(self.path, b"")
+
+    def rescue(self, folders: Iterable[Path]) -> Path | None:
+        """Write the whole recording, with what is in memory, to the first of other folders that takes it.
+
+        Returns
+        -------
+        Path or None
+            Where it is now; None if nowhere.
+        """
+        for folder in folders:
+            path = folder / f"{self.path.stem}-rescued-{os.getpid()}{self.path.suffix}"
+            if self._copy(path, self._pending):
+                return path
+        return None
+
+    def _copy(self, path: Path, more: bytes | bytearray) -> bool:
+        """Write what is in the file, and more, to a new one; False, and nothing is left of it, where that fails."""
         try:
-            with self.path.open("xb") as copy:
-                offset = 0
-                while block := os.pread(self._descriptor, 2**20, offset):
+            with path.open("xb") as copy:
+                os.lseek(self._descriptor, 0, os.SEEK_SET)
+                while block := os.read(self._descriptor, 2**20):
                     copy.write(block)
-                    offset += len(block)
-        except (OSError, AttributeError):
+                copy.write(more)
+        except FileExistsError:
             return False
+        except OSError:
+            with contextlib.suppress(OSError):
+                path.unlink()
+            return False
+        finally:
+            os.lseek(self._descriptor, self._position, os.SEEK_SET)
         return True
 
     def close(self) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import platform
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, cast
@@ -184,8 +185,11 @@ class RecordingWriter:
         if self._sink.closed:
             return
         self._writer.finish()
-        if not self._sink.flush_pending() and report:
-            report(f"the recording {self.path} is cut: {self._sink.problem}")
+        if not self._sink.flush_pending():
+            rescued = self._sink.rescue((Path(tempfile.gettempdir()), Path.home()))
+            if report:
+                where = f"; the whole of it is {rescued}" if rescued else ""
+                report(f"the recording {self.path} is cut: {self._sink.problem}{where}")
         if self._sink.removed():
             restored = self._sink.restore()
             if report:

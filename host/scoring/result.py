@@ -5,6 +5,7 @@ Capture, replay and ``rotdrift score`` end here, so they cannot differ.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import enum
 import json
@@ -230,6 +231,8 @@ def write_result(score: TrialScore, path: Path) -> None:
     except FileExistsError as error:
         raise FileError(f"{path} exists already", "move it away, or give another name with --out") from error
     except OSError as error:
+        with contextlib.suppress(OSError):
+            path.unlink()
         raise FileError(
             f"the result {path} cannot be written ({(error.strerror or str(error)).lower()})",
             "the recording is kept; score it again with `rotdrift score`",

@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import sys
+import tempfile
 import threading
 import time
 
@@ -317,7 +318,9 @@ def test_a_full_disk_keeps_the_capture_in_memory_and_goes_on_when_there_is_room(
     assert list(RecordingReader(path).chunks()) == chunks()
 
 
-def test_what_the_disk_did_not_take_is_still_read_from_memory(tmp_path, monkeypatch):
+def test_what_the_disk_did_not_take_is_still_read_from_memory_and_saved_elsewhere(tmp_path, monkeypatch):
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "elsewhere"))
     path = tmp_path / "trial.mcap"
     sink = writer(path)
     monkeypatch.setattr(os, "write", Disk(room=333))
@@ -327,6 +330,11 @@ def test_what_the_disk_did_not_take_is_still_read_from_memory(tmp_path, monkeypa
     sink.close(said.append)
     assert "the disk is full" in said[0]
     assert list(RecordingReader(path, continuation=sink.unwritten).chunks()) == chunks()
+    (rescued,) = (tmp_path / "elsewhere").iterdir()
+    assert str(rescued) in said[0]
+    whole = RecordingReader(rescued)
+    assert list(whole.chunks()) == chunks()
+    assert whole.damage == []
     cut = list(RecordingReader(path).chunks())
     assert cut == chunks()[: len(cut)]
     assert len(cut) < 20
