@@ -167,7 +167,7 @@ class NodeDecoder:
         return self._rare.take_outgoing()
 
     def take_damage(self) -> list[int]:
-        """Tell where malformed or refused samples came since the last call: how many were delivered before each, ascending."""
+        """Tell after how many samples, of all delivered, unusable ones came since the last call; ascending."""
         damage, self._damage = self._damage, []
         return damage
 
