@@ -65,7 +65,7 @@ def odd_frames() -> list[bytes]:
     """Frames with the right checksum that are no packet of this version, or a longer one."""
     sample = codec.encode_packet(Orientation(1, 2, (1.0, 0.0, 0.0, 0.0)))
     packets = [
-        b"\x08" + bytes(15),  # unknown, as long as ORIENTATION
+        b"\x08\x02" + sample[2:],  # unknown, a good sample but for its type
         b"\x7f",
         b"\x01\x02\x00",  # INFO of another major version
         b"\x02" + bytes(15),  # norm 0
