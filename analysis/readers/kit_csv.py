@@ -118,18 +118,18 @@ def read_t42(path: Path, lines: list[str]) -> RawSamples:
     """
     header = _t42_names(lines)
 
-    def columns(names: tuple[str, ...]) -> FloatArray:
+    def columns(names: tuple[str, ...]) -> tuple[FloatArray, tuple[str, ...]]:
         places = tuple(header.index(name) for name in names)
         return read_table(path, Layout(delimiter_of(lines), header_lines(lines), places, names))
 
-    table = columns(T42_COLUMNS)
+    table, cut = columns(T42_COLUMNS)
     angles = table[:, 4:7]
     quats = from_euler(angles, "xyz", intrinsic=False)
     warnings = _angle_warnings(angles)
-    notes: tuple[str, ...] = ("T42 layout: Unix time in s, positions in m, angles in rad",)
+    notes: tuple[str, ...] = ("T42 layout: Unix time in s, positions in m, angles in rad", *cut)
     if set(T42_QUATERNION) <= set(header):
         try:
-            extra, warning = _compare(columns(T42_QUATERNION), quats)
+            extra, warning = _compare(columns(T42_QUATERNION)[0], quats)
         except ReaderError as error:
             extra, warning = (), (f"the quaternion columns were not compared with the Euler angles: {error}",)
         notes, warnings = (*notes, *extra), warnings + warning
@@ -191,7 +191,7 @@ def read_ndx(path: Path, lines: list[str], station: str | None = None) -> RawSam
     """
     delimiter = delimiter_of(lines)
     header = int(_is_ndx_header([split_row(lines[0], delimiter)])) and header_lines(lines)
-    table = read_table(path, Layout(delimiter, header, tuple(range(len(NDX_COLUMNS))), NDX_COLUMNS))
+    table, cut = read_table(path, Layout(delimiter, header, tuple(range(len(NDX_COLUMNS))), NDX_COLUMNS))
     quats = from_euler(np.radians(table[:, 4:7]), "zyx", intrinsic=True)
     rows, warnings = _station_rows(table[:, 0], quats, station)
     largest = float(np.abs(table[rows, 4:7]).max())
@@ -204,7 +204,7 @@ def read_ndx(path: Path, lines: list[str], station: str | None = None) -> RawSam
         positions_m=table[rows, 1:4] * INCH_M,
         convention="Euler intrinsic z-y-x (azimuth, elevation, roll), deg, body to world",
         source=str(path),
-        notes=("NDX_A layout: positions in inch, angles in deg",),
+        notes=("NDX_A layout: positions in inch, angles in deg", *cut),
         warnings=warnings,
         index=rows,
     )

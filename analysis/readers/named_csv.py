@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -118,7 +119,9 @@ def read_named(path: Path, lines: list[str], spec: ColumnSpec, *, declared: bool
     numbers = column_numbers(spec, header, len(first))
     names = tuple(spec.names[key] for key in spec.keys)
     layout = Layout(delimiter, header_lines(lines) if header else 0, numbers, names)
-    return samples_of(read_table(path, layout), spec, str(path), declared=declared)
+    table, cut = read_table(path, layout)
+    samples = samples_of(table, spec, str(path), declared=declared)
+    return replace(samples, notes=(*samples.notes, *cut))
 
 
 def samples_of(table: FloatArray, spec: ColumnSpec, source: str, *, declared: bool = True) -> RawSamples:

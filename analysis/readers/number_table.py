@@ -15,6 +15,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -165,8 +166,11 @@ def check_lines(path: Path) -> None:
             offset += len(block)
 
 
-def read_table(path: Path, layout: Layout) -> FloatArray:
+def read_table(path: Path, layout: Layout) -> tuple[FloatArray, tuple[str, ...]]:
     """Read the wanted columns of a text file.
+
+    A last line that has no line end and fewer columns than the first was being written when the recorder died: it is
+    left out.
 
     Parameters
     ----------
@@ -177,7 +181,10 @@ def read_table(path: Path, layout: Layout) -> FloatArray:
 
     Returns
     -------
-    (rows, len(layout.columns)) finite numbers; row k is the k-th non-blank line after the header.
+    rows
+        (rows, len(layout.columns)) finite numbers; row k is the k-th non-blank line after the header.
+    notes
+        What was left out.
 
     Raises
     ------
@@ -185,6 +192,8 @@ def read_table(path: Path, layout: Layout) -> FloatArray:
         A cell that is no finite number (names line and column), no rows, or a file that is no table.
     """
     check_lines(path)
+    if _ends_within_a_row(path, layout):
+        return _load_cleaned(path, layout, cut=True), ("the last line is cut off and left out",)
     try:
         table = _load(path, layout)
     except (ValueError, UnicodeDecodeError, IndexError) as error:
@@ -198,7 +207,7 @@ def read_table(path: Path, layout: Layout) -> FloatArray:
         fault = _first_fault(path, layout)
         assert fault is not None
         raise fault
-    return table
+    return table, ()
 
 
 def _load(path: Path, layout: Layout) -> FloatArray:
@@ -219,11 +228,21 @@ def _load(path: Path, layout: Layout) -> FloatArray:
     )
 
 
-def _load_cleaned(path: Path, layout: Layout) -> FloatArray:
+def _ends_within_a_row(path: Path, layout: Layout) -> bool:
+    with path.open("rb") as file:
+        file.seek(-min(path.stat().st_size, MAX_LINE_BYTES), os.SEEK_END)
+        last = file.read().rpartition(b"\n")[2].decode("utf-8", "replace")
+    _, first = next(_data_lines(path, layout), (0, ""))
+    cells = last.split(layout.delimiter)
+    return bool(last.strip(_NOTHING)) and last.strip() != first and len(cells) < len(first.split(layout.delimiter))
+
+
+def _load_cleaned(path: Path, layout: Layout, *, cut: bool = False) -> FloatArray:
     """Read what numpy stumbles over though every number is sound, such as lines of separators alone; slower."""
+    texts = (text for _, text in _data_lines(path, layout))
     try:
         return np.loadtxt(
-            (text for _, text in _data_lines(path, layout)),
+            (text for text, _ in pairwise(texts)) if cut else texts,
             delimiter=layout.delimiter,
             usecols=layout.columns,
             comments=COMMENT,
@@ -256,8 +275,7 @@ def _first_fault(path: Path, layout: Layout) -> ReaderError | None:
         for column, name in zip(layout.columns, layout.names, strict=True):
             if column >= len(cells):
                 return ReaderError(
-                    f"{where}: {len(cells)} columns, but {plain(name)} is column {column + 1}; is the file cut off "
-                    "there?"
+                    f"{where}: {len(cells)} columns, but {plain(name)} is column {column + 1}; mend or remove that line"
                 )
             cell = _bare(cells[column])
             if not _is_number(cell):

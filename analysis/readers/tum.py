@@ -48,12 +48,12 @@ def read_tum(path: Path, lines: list[str]) -> RawSamples:
         A cell that is no number.
     """
     del lines
-    table = read_table(path, Layout(None, 0, tuple(range(8)), COLUMNS))
+    table, cut = read_table(path, Layout(None, 0, tuple(range(8)), COLUMNS))
     return RawSamples(
         quats_wxyz=rotations.from_xyzw(table[:, 4:8]),
         times_s=table[:, 0].copy(),
         positions_m=table[:, 1:4].copy(),
         convention="TUM trajectory: quaternion x,y,z,w, Hamilton, body to world",
         source=str(path),
-        notes=("TUM trajectory: time in s, positions in m",),
+        notes=("TUM trajectory: time in s, positions in m", *cut),
     )

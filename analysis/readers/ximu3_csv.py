@@ -55,7 +55,7 @@ def read_ximu3(path: Path, lines: list[str]) -> RawSamples:
         raise ReaderError(
             f"{plain(path.name, 80)} is an x-IMU3 file without quaternions; give the Quaternion.csv of the same folder"
         )
-    table = read_table(path, Layout(",", 1, tuple(range(5)), QUATERNION_HEADER))
+    table, cut = read_table(path, Layout(",", 1, tuple(range(5)), QUATERNION_HEADER))
     times_s = table[:, 0] * 1e-6
     accelerations, note = _accelerations(path.with_name(INERTIAL_NAME), times_s)
     return RawSamples(
@@ -64,7 +64,7 @@ def read_ximu3(path: Path, lines: list[str]) -> RawSamples:
         accelerations_mps2=accelerations,
         convention="x-IMU3: quaternion w,x,y,z, Hamilton, sensor to Earth",
         source=str(path),
-        notes=("x-IMU3 layout: time in us", *note),
+        notes=("x-IMU3 layout: time in us", *cut, *note),
     )
 
 
@@ -75,7 +75,7 @@ def _accelerations(path: Path, times_s: FloatArray) -> tuple[FloatArray | None, 
     try:
         header = split_header(head_lines(path, 1)[0])
         columns = tuple(header.index(name) for name in ACCELEROMETER)
-        table = read_table(path, Layout(",", 1, columns, ACCELEROMETER))
+        table, _ = read_table(path, Layout(",", 1, columns, ACCELEROMETER))
     except (ReaderError, ValueError, IndexError, OSError):
         return None, (f"{INERTIAL_NAME} beside it could not be used",)
     order = np.argsort(table[:, 0], kind="stable")

@@ -43,11 +43,24 @@ def test_an_empty_cell_is_named(tmp_path):
         read_series(path)
 
 
-def test_a_cut_last_line_is_named(tmp_path):
+@pytest.mark.parametrize("write", [files.t42, files.ndx, files.named, files.tum])
+@pytest.mark.parametrize("missing", [30, 45, 60])
+def test_a_last_line_that_is_cut_off_is_left_out_and_said(tmp_path, write, missing):
+    path = tmp_path / "a.csv"
+    write(path)
+    whole = read_series(path)
+    path.write_text(path.read_text()[:-missing])
+    cut = read_series(path)
+    np.testing.assert_array_equal(cut.quats_wxyz, whole.quats_wxyz[:-1])
+    assert "the last line is cut off and left out" in cut.notes
+
+
+def test_a_short_line_within_the_file_is_named(tmp_path):
     path = tmp_path / "a.csv"
     files.t42(path)
-    path.write_text(path.read_text()[:-60])
-    with pytest.raises(ReaderError, match=r"line 401: .*(cut off|nothing)"):
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:40], lines[40][:30], *lines[41:]]))
+    with pytest.raises(ReaderError, match=r"line 41: .* columns, but"):
         read_series(path)
 
 
