@@ -20,8 +20,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         description=(
             "Write everything the benchmark card asks for. Cards are taken from --cards, from NAME.toml beside the\n"
             "recording NAME.mcap, and from object.toml, hand.toml, trial.toml there or in the folder above. End\n"
-            "points chosen by hand are taken from NAME.endpoints.csv, a static baseline from NAME.baseline.toml or\n"
-            "baseline.toml."
+            "points chosen by hand are taken from NAME.endpoints.csv (but where --from or --to is given), a static\n"
+            "baseline from NAME.baseline.toml or baseline.toml."
         ),
         epilog="example: rotdrift report trials/*.mcap --out submission.zip   (also: report.html, report.pdf)",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -62,7 +62,10 @@ def run(args: argparse.Namespace) -> int:
     from host.errors import UsageError
     from host.submission.contents import DEFAULT_TITLE, build_submission
 
-    if len(args.trials) > 1 and (args.endpoints or args.start is not None or args.end is not None):
+    windowed = args.start is not None or args.end is not None
+    if args.endpoints and windowed:
+        raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
+    if len(args.trials) > 1 and (args.endpoints or windowed):
         raise UsageError(
             "--endpoints, --from and --to are for one trial", "put NAME.endpoints.csv beside each recording instead"
         )
@@ -88,7 +91,7 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
     try:
         if args.endpoints:
             choices = choices.with_endpoints(parse_endpoints(args.endpoints))
-        elif beside.is_file():
+        elif beside.is_file() and args.start is None and args.end is None:
             choices = choices.with_endpoints(load_endpoints(beside))
     except ReaderError as error:
         raise UsageError(str(error)) from error

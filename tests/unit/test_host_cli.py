@@ -302,6 +302,11 @@ def test_a_report_of_what_has_no_name(run, name):
     assert "name the recording" in one_sentence(run("report", name, "--out", "x.zip"), 2)
 
 
+@pytest.mark.parametrize("command", [["score", "x.csv"], ["report", "x.csv", "--out", "x.zip"]])
+def test_a_window_and_end_points_at_once_are_refused(run, command):
+    assert "both say what to score" in one_sentence(run(*command, "--endpoints", "1,2,3,4", "--from", "2"), 2)
+
+
 def test_a_full_disk_wants_room():
     assert "make room" in str(unwritable("x", OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
     assert (
