@@ -30,6 +30,7 @@ TOPICS = (
     "live",
     "eight_objects",
     "dashboard_cost",
+    "reaction_times",
     "growth",
 )
 """Modules with ``measure(quick) -> Topic``, in the order of the table."""

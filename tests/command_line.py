@@ -24,6 +24,7 @@ angle_deg = 0.4
 {clock}
 [device]
 rate_hz = 200
+transmit_queue_bytes = 500000
 {device}
 """
 
@@ -38,7 +39,10 @@ acceleration_noise_g = 0.0
 
 
 def quick_scenario(folder, name="quick", **values):
-    """Write a scenario of half-second cycles; return its path as text."""
+    """Write a scenario of half-second cycles; return its path as text.
+
+    The object's queue holds what a capture that gets no processor for a while leaves in it: no sample is dropped.
+    """
     keys = {
         "period_s": 0.5,
         "cycles": 60,

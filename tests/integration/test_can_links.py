@@ -158,19 +158,23 @@ def test_bad_words_from_socketcand_are_counted_and_survived(request: pytest.Fixt
 
 
 def test_a_socketcand_server_that_goes_away_is_told() -> None:
-    with object_on("can:socketcand:0") as (uri, link), open_transport(uri) as transport:
-        got = receive(transport, lambda got: got.n_samples > 20)
-        link.close()
-        with pytest.raises(LinkLostError, match="gone"):
-            receive(transport, lambda _: False, got=got)
+    with contextlib.ExitStack() as stack:
+        uri, _ = stack.enter_context(object_on("can:socketcand:0"))
+        with open_transport(uri) as transport:
+            got = receive(transport, lambda got: got.n_samples > 20)
+            stack.close()  # the object goes, and its end of the link with it
+            with pytest.raises(LinkLostError, match="gone"):
+                receive(transport, lambda _: False, got=got)
 
 
 def test_an_adapter_that_is_pulled_is_told() -> None:
-    with object_on("can:slcan:pty") as (uri, link), open_transport(uri) as transport:
-        got = receive(transport, lambda got: got.n_samples > 20)
-        link.close()
-        with pytest.raises(LinkLostError, match="gone"):
-            receive(transport, lambda _: False, got=got)
+    with contextlib.ExitStack() as stack:
+        uri, _ = stack.enter_context(object_on("can:slcan:pty"))
+        with open_transport(uri) as transport:
+            got = receive(transport, lambda got: got.n_samples > 20)
+            stack.close()  # the object goes, and its end of the link with it
+            with pytest.raises(LinkLostError, match="gone"):
+                receive(transport, lambda _: False, got=got)
 
 
 def test_a_silent_adapter_is_told_though_it_opens(monkeypatch: pytest.MonkeyPatch) -> None:

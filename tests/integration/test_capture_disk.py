@@ -99,21 +99,11 @@ def test_a_recording_removed_under_a_capture_is_written_again(tmp_path):
 
 
 @pytest.mark.parametrize("kill_after_bytes", [1_000, 60_000])
-def test_a_capture_killed_at_any_moment_keeps_all_but_a_tenth_of_a_second(tmp_path, kill_after_bytes):
-    lost_s = []
-    # A machine with other work may not run the capture for a tenth of a second: one of three is enough to show it.
-    while not lost_s or (min(lost_s) > 0.1 and len(lost_s) < 3):
-        folder = tmp_path / str(len(lost_s))
-        folder.mkdir()
-        lost_s.append(killed(folder, kill_after_bytes))
-    assert min(lost_s) <= 0.1, lost_s
-
-
-def killed(folder, kill_after_bytes):
-    """Kill a capture and check what is left; return over how long received data are not in the recording, s."""
-    recording, log = folder / "trial.mcap", folder / "link.txt"
+def test_a_capture_killed_at_any_moment_leaves_a_recording_that_is_whole_up_to_there(tmp_path, kill_after_bytes):
+    """How much is lost: benchmarks.reaction_times."""
+    recording, log = tmp_path / "trial.mcap", tmp_path / "link.txt"
     with (
-        VirtualObjectProcess(quick_scenario(folder)) as virtual,
+        VirtualObjectProcess(quick_scenario(tmp_path)) as virtual,
         started("capture", virtual.link, "--out", recording, "--debug-link", log) as capture,
     ):
         # Between flushes, not just after one: the log of the link grows with every read.
@@ -129,13 +119,7 @@ def killed(folder, kill_after_bytes):
     assert received.startswith(recorded[: len(received)])
     if kill_after_bytes > 10_000:
         assert load_trial(recording).losses.missing == 0
-    replayed = rotdrift("recover", recording, folder / "clean.mcap", "--json")
+    replayed = rotdrift("recover", recording, tmp_path / "clean.mcap", "--json")
     assert replayed.returncode == 0
     found = json.loads(replayed.stdout)
     assert (found["chunks"], found["missing_chunks"]) == (len(chunks), 0)
-    after = len(recorded)
-    for at_s, data in reads:
-        after -= len(data)
-        if after < 0:  # the first read that the recording has not
-            return reads[-1][0] - at_s
-    return 0.0

@@ -45,7 +45,7 @@ def test_a_cable_pulled_out_and_put_in_again_is_a_gap_in_one_trial(tmp_path, kin
     ]
     assert len(steps) >= 2
     assert steps == pytest.approx([0.4] * len(steps), abs=0.01)
-    # How soon: test_reconnect_times.py.
+    # How soon: benchmarks.reaction_times.
     chunks = list(RecordingReader(recording).chunks())
     mark = next(i for i, chunk in enumerate(chunks) if not chunk.data)
     assert any(chunk.data for chunk in chunks[mark + 1 :])

@@ -132,7 +132,7 @@ def test_ctrl_z_steps_aside_and_the_capture_goes_on(tmp_path, virtual):
 
 def test_a_guided_trial_up_to_an_interval_then_a_key(tmp_path):
     # More cycles than the interval needs: on a busy machine the guide may see late that the hand turns.
-    scenario = quick_scenario(tmp_path, cycles=14, lead_in_s=2.5)
+    scenario = quick_scenario(tmp_path, cycles=16, lead_in_s=4.0)
     recording = tmp_path / "trial.mcap"
     with VirtualObjectProcess(scenario) as virtual:
         terminal = Terminal(

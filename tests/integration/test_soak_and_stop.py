@@ -5,7 +5,6 @@ import os
 import signal
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -30,42 +29,24 @@ def test_six_minutes_in_virtual_time_lose_nothing_and_grow_by_nothing(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs ptys and POSIX signals")
-def test_ctrl_c_stops_recording_within_half_a_second_and_leaves_nothing(tmp_path):
-    stopped_s = []
-    # A machine with other work may not run the capture for half a second: one of three is enough to show it.
-    while not stopped_s or (min(stopped_s) > 0.5 and len(stopped_s) < 3):
-        folder = tmp_path / str(len(stopped_s))
-        folder.mkdir()
-        stopped_s.append(stopped(folder))
-    print(f"\nCtrl-C: the recording is closed after {1e3 * min(stopped_s):.0f} ms")
-    assert min(stopped_s) <= 0.5, stopped_s
-
-
-def stopped(folder):
-    """Stop a capture with Ctrl-C, check what it leaves behind; return how long it took to close the recording, s."""
-    recording = folder / "trial.mcap"
+def test_ctrl_c_closes_the_recording_and_leaves_nothing(tmp_path):  # how soon: benchmarks.reaction_times
+    recording = tmp_path / "trial.mcap"
     with (
-        VirtualObjectProcess(quick_scenario(folder)) as virtual,
+        VirtualObjectProcess(quick_scenario(tmp_path)) as virtual,
         started("capture", virtual.link, "--out", recording, "--json") as capture,
     ):
         for line in capture.stderr:
             if "cycle   4" in line:
                 break
         children_before = children(capture.pid)
-        asked = time.monotonic()
         capture.send_signal(signal.SIGINT)
-        # The recording is finished when its footer is written; scoring comes after that.
-        while not (recording.read_bytes().endswith(b"\x89MCAP0\r\n") and recording.stat().st_size > 1000):
-            assert time.monotonic() - asked < 30
-            time.sleep(0.005)
-        stopped_s = time.monotonic() - asked
         stdout, stderr = capture.communicate(timeout=60)
     assert capture.returncode == 0, stderr
     assert json.loads(stdout)["capture"]["ended"] == "stopped by the operator"
+    assert recording.read_bytes().endswith(b"\x89MCAP0\r\n")  # the footer is written
     assert not [pid for pid in children_before if Path(f"/proc/{pid}").exists()] or not LINUX
     if LINUX:  # nobody holds the port any more
         assert not holders(virtual.link.removeprefix("serial:"))
-    return stopped_s
 
 
 def children(pid):
@@ -109,13 +90,11 @@ def test_captures_in_one_process_leave_no_thread_and_no_descriptor(tmp_path):
     assert counts[0][1] == []
 
 
-def test_the_virtual_object_stops_at_once_and_takes_its_device_with_it(tmp_path):
+def test_the_virtual_object_stops_and_takes_its_device_with_it(tmp_path):
     if sys.platform == "win32":
         pytest.skip("needs ptys")
     with started("emulate", "--scenario", "static", "--link", f"pty:{tmp_path / 'object'}") as process:
         wait_for_line(process, "ready: ")
-        asked = time.monotonic()
         process.send_signal(signal.SIGTERM)
         assert process.wait(20) == 0
-        assert time.monotonic() - asked < 10.0
     assert not os.path.lexists(tmp_path / "object")

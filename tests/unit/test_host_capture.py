@@ -112,18 +112,11 @@ def test_a_motion_of_just_so_many_end_points_ends_with_the_pause_after_it(tmp_pa
     assert outcome.reason == "the hand rests"
 
 
-def test_the_operator_ends_it_soon(tmp_path):
+def test_the_operator_ends_it(tmp_path):
     bench = Bench(tmp_path, CaptureSettings(), scenario("ideal", **QUICK))
-    asked = []
-
-    def ask():
-        asked.append(time.monotonic())
-        bench.stop.set()
-
-    timer = threading.Timer(0.5, ask)
+    timer = threading.Timer(0.5, bench.stop.set)
     timer.start()
     outcome = bench.run()
-    assert time.monotonic() - asked[0] < 2.0  # how soon on a machine without other work: test_soak_and_stop.py
     assert outcome.reason == "stopped by the operator"
     timer.join()
 

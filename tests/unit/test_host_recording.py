@@ -17,12 +17,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_protocol.packets import Info, Status
+from host.capture.loop import LOOP_S
 from host.errors import FileError
 from host.recording import format as fmt
 from host.recording.reader import RecordingReader, is_our_recording
 from host.recording.ros_message import RosField, RosMessageType
 from host.recording.sink import RecordingSink
-from host.recording.writer import RecordingWriter
+from host.recording.writer import FLUSH_PERIOD_NS, RecordingWriter
 from host.transports import open_transport
 from host.transports.chunks import Chunk, FrameChunk, LinkEnd
 from host.transports.replay import ReplayTransport
@@ -368,6 +369,10 @@ def test_a_recording_removed_meanwhile_is_written_again(tmp_path):
     sink.close(said.append)
     assert "removed meanwhile and written again" in said[0]
     assert list(RecordingReader(path).chunks()) == chunks()
+
+
+def test_a_killed_capture_loses_a_tenth_of_a_second_at_most():
+    assert LOOP_S * 1e9 + FLUSH_PERIOD_NS <= 100_000_000  # a chunk comes, waits for its turn, then for the flush
 
 
 def test_flushed_data_is_in_the_file_while_it_is_still_being_written(tmp_path):
