@@ -70,9 +70,7 @@ def cable(times: int) -> list[Row]:
                     _until_data(transport)
                     again_s = time.monotonic()
                     watcher.join(PATIENCE_S)
-                    noticed_ms.append(
-                        1e3 * max(noticed_s - seen_s[0], 0.0)
-                    )  # the watcher may look later than the reader
+                    noticed_ms.append(1e3 * max(noticed_s - seen_s[0], 0.0))  # the watcher looks every half millisecond
                     again_ms.append(1e3 * (again_s - seen_s[1]))
         finally:
             stop.set()
