@@ -150,7 +150,8 @@ def _searched(
     reasons = cycles.reasons
     warnings = cycles.warnings
     if _named_grasp_release(series):
-        warnings = (*warnings, _GRASP_RELEASE)
+        if not any("no drift can be claimed" in warning for warning in warnings):
+            warnings = (*warnings, _GRASP_RELEASE)
         reasons = (*reasons, f"{_GRASP_RELEASE}; choose end points with --endpoints to score it all the same")
     return _Selection(
         endpoints=points,

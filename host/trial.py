@@ -221,7 +221,7 @@ class Trial:
             "skew_ppm": estimate.skew_ppm if estimate.warm else None,
             "skew_uncertainty_ppm": _number(estimate.skew_uncertainty_ppm),
             "offset_interval_ms": None if interval is None else [bound / 1e6 for bound in interval],
-            "offset_uncertainty_ms": None if interval is None else (interval[1] - interval[0]) / 1e6,
+            "offset_uncertainty_ms": (interval[1] - interval[0]) / 1e6 if interval and estimate.consistent else None,
             "consistent": estimate.consistent,
             "round_trips": estimate.n_round_trips,
             "jitter_p50_ms": _number(estimate.jitter_p50_ns / 1e6),

@@ -89,11 +89,14 @@ class AlarmWatch:
     def _link(self, state: TrialState) -> None:
         link, now_s = state.link, state.elapsed_s
         lost = not link.connected
+        said = ["the link is lost"] if lost else []
+        if not lost or link.silent_s > SILENT_RAISE_S:
+            said.append(f"nothing has come for {link.silent_s:.0f} s")
         self._set(
             "link",
             lost or link.silent_s > SILENT_RAISE_S,
             not lost and link.silent_s < SILENT_CLEAR_S,
-            f"nothing has come for {link.silent_s:.0f} s: check the object's battery and cable",
+            f"{', '.join(said)}: check the object's battery and cable",
         )
         if link.segments > max(1, self._segments):
             self._hold(
