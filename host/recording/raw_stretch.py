@@ -15,16 +15,16 @@ import numpy.typing as npt
 from host.recording import format as fmt
 from host.recording.record_runs import MESSAGE_HEAD_BYTES
 from host.recording.ros_message import CDR_LITTLE_ENDIAN
-from host.recording.row_checksums import checksums
+from host.recording.row_checksums import checksums, overlapping
 from host.transports.chunks import AnyChunk, Chunk
 
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
-ByteArray = npt.NDArray[np.uint8]
 
 FEW_LENGTHS = 32
 """From so many chunks of each length on they are joined length by length, not one by one."""
 _BODY = MESSAGE_HEAD_BYTES
+_DATA = _BODY + fmt.RAW_HEAD_BYTES
 _HEAD = np.dtype(
     {
         "names": ["encapsulation", "host_time_ns", "crc32", "kind", "length"],
@@ -33,6 +33,8 @@ _HEAD = np.dtype(
         "itemsize": fmt.RAW_HEAD_BYTES,
     }
 )
+_CHECKED = np.dtype([("host_time_ns", "<i8"), ("kind", "u1")])
+"""What the checksum is of, but for the data."""
 _ENCAPSULATION = int.from_bytes(CDR_LITTLE_ENDIAN, "little")
 
 
@@ -86,7 +88,10 @@ def raw_stretches(
     for index in [*np.flatnonzero(~good).tolist(), len(starts)]:
         if index > first:
             part = slice(first, index)
-            yield _stretch(view, starts[part] + (_BODY + fmt.RAW_HEAD_BYTES), heads[part].view(_HEAD)[:, 0])
+            sizes = ends[part] - starts[part] - _DATA
+            stops = np.cumsum(sizes)
+            data = _joined(view, starts[part] + _DATA, sizes, stops)
+            yield RawStretch(data, stops, heads["host_time_ns"][part].copy())
         if index < len(starts):
             try:
                 yield fmt.decode_raw(bytes(view[starts[index] + _BODY : ends[index]]))
@@ -95,61 +100,39 @@ def raw_stretches(
         first = index + 1
 
 
-def _overlapping(view: memoryview, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
-    """See a block as records that begin at every byte: indexing it copies each record in one go."""
-    return np.ndarray((max(len(view) - dtype.itemsize + 1, 0),), dtype, view, strides=(1,))
-
-
-def _rows(view: memoryview, starts: IntArray, length: int) -> ByteArray:
-    gathered = _overlapping(view, np.dtype((np.void, length)))[starts]
-    return gathered.view(np.uint8).reshape(-1, length)
-
-
-def _good(view: memoryview, starts: IntArray, ends: IntArray) -> tuple[BoolArray, ByteArray]:
-    """Tell which messages are undamaged chunks of bytes; and give the heads (n, head) of all long enough for one."""
-    sizes = ends - starts - _BODY
-    good = np.zeros(len(starts), np.bool_)
-    heads = np.zeros((len(starts), fmt.RAW_HEAD_BYTES), np.uint8)
-    lengths = np.flatnonzero(np.bincount(sizes)).tolist()
-    for length in lengths:
-        if length > fmt.RAW_HEAD_BYTES:
-            chosen = np.flatnonzero(sizes == length) if len(lengths) > 1 else slice(None)
-            messages = _rows(view, starts[chosen] + _BODY, length)
-            head = messages[:, : fmt.RAW_HEAD_BYTES]
-            heads[chosen] = head
-            good[chosen] = _are_good(messages, np.ascontiguousarray(head).view(_HEAD)[:, 0])
+def _good(view: memoryview, starts: IntArray, ends: IntArray) -> tuple[BoolArray, npt.NDArray[np.void]]:
+    """Tell which messages are undamaged chunks of bytes; and give the head of each, of any bytes for one too short."""
+    places = np.minimum(starts + _BODY, len(view) - fmt.RAW_HEAD_BYTES)
+    heads = overlapping(view, fmt.RAW_HEAD_BYTES)[places].view(_HEAD)
+    sizes = ends - starts - _DATA
+    good = (
+        (sizes > 0)
+        & (heads["length"] == sizes)
+        & (heads["encapsulation"] == _ENCAPSULATION)
+        & (heads["kind"] == fmt.BYTES_KIND)
+        & (heads["host_time_ns"] >= 0)
+    )
+    whole = slice(None) if good.all() else np.flatnonzero(good)
+    chosen = heads[whole]
+    checked = np.empty(len(chosen), _CHECKED)
+    for name in _CHECKED.names or ():
+        checked[name] = chosen[name]
+    prefixes = checked.view(np.uint8).reshape(len(checked), _CHECKED.itemsize)
+    good[whole] = checksums(prefixes, view, starts[whole] + _DATA, ends[whole]) == chosen["crc32"]
     return good, heads
 
 
-def _are_good(messages: ByteArray, heads: npt.NDArray[np.void]) -> BoolArray:
-    checked = [messages[:, place] for place in (slice(4, 12), slice(16, 17), slice(fmt.RAW_HEAD_BYTES, None))]
-    good: BoolArray = (
-        (heads["encapsulation"] == _ENCAPSULATION)
-        & (heads["length"] == messages.shape[1] - fmt.RAW_HEAD_BYTES)
-        & (heads["kind"] == fmt.BYTES_KIND)
-        & (heads["host_time_ns"] >= 0)
-        & (checksums(np.concatenate(checked, axis=1)) == heads["crc32"])
-    )
-    return good
-
-
-def _stretch(view: memoryview, data_starts: IntArray, heads: npt.NDArray[np.void]) -> RawStretch:
-    sizes = heads["length"].astype(np.int64)
-    stops = np.cumsum(sizes)
-    return RawStretch(_joined(view, data_starts, sizes, stops), stops, heads["host_time_ns"].copy())
-
-
 def _joined(view: memoryview, starts: IntArray, sizes: IntArray, stops: IntArray) -> bytes:
+    """Put bytes of the view end to end, up to ``stops``."""
     lengths = np.flatnonzero(np.bincount(sizes)).tolist()
     if len(lengths) == 1:
-        return _rows(view, starts, lengths[0]).tobytes()
+        return overlapping(view, lengths[0])[starts].tobytes()
     if len(lengths) * FEW_LENGTHS > len(sizes):
         places = zip(starts.tolist(), (starts + sizes).tolist(), strict=True)
         return b"".join([view[start:stop] for start, stop in places])
     data = bytearray(int(stops[-1]))
     for length in lengths:
         chosen = np.flatnonzero(sizes == length)
-        dtype = np.dtype((np.void, length))
-        target = _overlapping(memoryview(data), dtype)
-        target[stops[chosen] - length] = _overlapping(view, dtype)[starts[chosen]]
+        target = overlapping(memoryview(data), length)
+        target[stops[chosen] - length] = overlapping(view, length)[starts[chosen]]
     return bytes(data)

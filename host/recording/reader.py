@@ -26,7 +26,7 @@ from mcap.writer import MCAP0_MAGIC
 from host.errors import FileError, unreadable
 from host.recording import format as fmt
 from host.recording.raw_stretch import RawStretch, raw_stretches
-from host.recording.record_runs import MessageRun, RecordRuns, on_channels
+from host.recording.record_runs import EvenRun, MessageRun, RecordRuns, on_channels
 from host.transports.chunks import AnyChunk
 
 MAX_RECORD_BYTES = 64 * 2**20
@@ -131,9 +131,10 @@ class RecordingReader:
                 continue
             raw = [channel for channel, name in self._channels.items() if name == fmt.RECEIVED]
             received = on_channels(run.channels, raw)
-            for channel, start, end in run.chosen(~received):
+            for channel, start, end in run.where(~received).places():
                 yield from self._alone(self._channels[channel], body[start:end])
-            for item in raw_stretches(body, run.starts[received], run.ends[received]):
+            chunks = run.where(received)
+            for item in raw_stretches(body, chunks.starts, chunks.ends):
                 if isinstance(item, fmt.DamagedMessageError):
                     self._note_damaged(fmt.RECEIVED, item)
                 else:
@@ -162,7 +163,7 @@ class RecordingReader:
             if run is None:
                 yield topic, body
             else:
-                for channel, start, end in run.chosen(slice(None)):
+                for channel, start, end in run.places():
                     yield self._channels[channel], body[start:end]
 
     def _chosen(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview, MessageRun | None]]:
@@ -178,9 +179,8 @@ class RecordingReader:
                     }
                     if not names:
                         continue
-                    chosen = on_channels(run.channels, names)
-                    bodies = run.starts[chosen] + _FRAME.size
-                    yield "", body, MessageRun(bodies, run.ends[chosen], run.channels[chosen])
+                    chosen = run.on(names)
+                    yield "", body, MessageRun(chosen.starts + _FRAME.size, chosen.ends, chosen.channels)
                     continue
                 if kind != Opcode.MESSAGE:
                     self._note_channel(kind, body)
@@ -234,7 +234,7 @@ class RecordingReader:
 
     def _records(
         self, file: io.FileIO, block_bytes: int = READ_BLOCK_BYTES
-    ) -> Iterator[tuple[int, memoryview, MessageRun | None]]:
+    ) -> Iterator[tuple[int, memoryview, MessageRun | EvenRun | None]]:
         """Walk the records up to the footer, the end, or the first impossible length.
 
         Gives kind and body of each; or, of messages that follow each other, the block they are in and their places.
@@ -253,7 +253,7 @@ class RecordingReader:
             while len(view) - offset >= _FRAME.size:
                 run = runs.at(offset)
                 if run is not None:
-                    offset = int(run.ends[-1])
+                    offset = run.end
                     yield Opcode.MESSAGE, view, run
                     continue
                 kind, length = _FRAME.unpack_from(view, offset)

@@ -9,7 +9,8 @@ looks like one) only breaks a run in two: it is never reached, because no record
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
+from bisect import bisect_left
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,10 +43,53 @@ class MessageRun:
     channels: IntArray
     """(n,) channel ids."""
 
-    def chosen(self, which: npt.NDArray[np.bool_] | slice) -> Iterator[tuple[int, int, int]]:
-        """Give channel, start and end of some of them, one by one."""
-        columns = (self.channels[which], self.starts[which], self.ends[which])
-        return zip(*(column.tolist() for column in columns), strict=True)
+    @property
+    def end(self) -> int:
+        """Offset behind the last of them."""
+        return int(self.ends[-1])
+
+    def on(self, ids: Collection[int]) -> MessageRun:
+        """Give those on a few channels."""
+        return self.where(on_channels(self.channels, ids))
+
+    def where(self, which: npt.NDArray[np.bool_]) -> MessageRun:
+        """Give some of them."""
+        if which.all():
+            return self
+        return MessageRun(self.starts[which], self.ends[which], self.channels[which])
+
+    def places(self) -> Iterator[tuple[int, int, int]]:
+        """Give channel, start and end of them, one by one."""
+        return zip(self.channels.tolist(), self.starts.tolist(), self.ends.tolist(), strict=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EvenRun:
+    """The same few message records again and again, without a gap."""
+
+    beat: MessageRun
+    """The first of each."""
+    n_beats: int
+    period: int
+    """Bytes of a beat."""
+
+    @property
+    def end(self) -> int:
+        """Offset behind the last of them."""
+        return int(self.beat.starts[0]) + self.n_beats * self.period
+
+    def on(self, ids: Collection[int]) -> MessageRun:
+        """Give those on a few channels."""
+        return EvenRun(self.beat.on(ids), self.n_beats, self.period).whole()
+
+    def whole(self) -> MessageRun:
+        """Give all of them."""
+        beats = np.arange(self.n_beats)[:, None] * self.period
+        return MessageRun(
+            (beats + self.beat.starts).ravel(),
+            (beats + self.beat.ends).ravel(),
+            np.tile(self.beat.channels, self.n_beats),
+        )
 
 
 def _numbers(block: memoryview, dtype: str, offset: int) -> npt.NDArray[np.unsignedinteger]:
@@ -75,27 +119,17 @@ class RecordRuns:
         self._block = block
         self._linked: _LinkedRecords | None = None
 
-    def at(self, offset: int) -> MessageRun | None:
+    def at(self, offset: int) -> MessageRun | EvenRun | None:
         """Return the run that begins with the record at an offset; None where that is no whole message."""
-        runs: list[MessageRun] = []
-        while (run := self._next(offset)) is not None:
-            runs.append(run)
-            offset = int(run.ends[-1])
-        if len(runs) < 2:
-            return runs[0] if runs else None
-        columns = zip(*((run.starts, run.ends, run.channels) for run in runs), strict=True)
-        return MessageRun(*(np.concatenate(column) for column in columns))
-
-    def _next(self, offset: int) -> MessageRun | None:
         if self._linked is None:
-            run = _regular_run(self._block, offset)
+            run = _even_run(self._block, offset)
             if run is not None:
                 return run
             self._linked = _LinkedRecords(self._block, offset)
         return self._linked.at(offset)
 
 
-def _regular_run(block: memoryview, offset: int) -> MessageRun | None:
+def _even_run(block: memoryview, offset: int) -> EvenRun | None:
     """Return the run at an offset where the same few records come again and again, as from a link that beats evenly.
 
     Their heads are all that is looked at. None where the beat is lost soon, or there is none.
@@ -114,18 +148,14 @@ def _regular_run(block: memoryview, offset: int) -> MessageRun | None:
     period = ends[beat] - offset
     n_beats = (len(block) - offset) // period
     for start in ends[:beat]:
-        parts = ((dtype, start + at) for dtype, at in (("u1", 0), ("<u8", 1), ("<u2", HEAD_BYTES)))
-        columns = [np.ndarray((n_beats,), dtype, block, at, strides=(period,)) for dtype, at in parts]
-        same = np.logical_and.reduce([column == column[0] for column in columns])
+        # Kind, length and channel as two numbers that overlap.
+        parts = (np.ndarray(n_beats, dtype, block, start + at, (period,)) for dtype, at in (("<u8", 0), ("<u4", 7)))
+        same = np.logical_and(*(part == part[0] for part in parts))
         n_beats = n_beats if same.all() else int(np.argmin(same))
         if n_beats * beat < WORTHWHILE:
             return None
-    beats = np.arange(n_beats)[:, None] * period
-    return MessageRun(
-        (beats + np.array(ends[:beat])).ravel(),
-        (beats + np.array(ends[1 : beat + 1])).ravel(),
-        np.tile(np.array([channel for _, channel in heads[:beat]], dtype=np.int64), n_beats),
-    )
+    channels = np.array([channel for _, channel in heads[:beat]], dtype=np.int64)
+    return EvenRun(MessageRun(np.array(ends[:beat]), np.array(ends[1 : beat + 1]), channels), n_beats, period)
 
 
 class _LinkedRecords:
@@ -142,12 +172,19 @@ class _LinkedRecords:
         self._channels = _numbers(block, "<u2", HEAD_BYTES)[starts].astype(np.int64)
         self._starts, self._ends = starts + offset, ends + offset
         linked = self._starts[1:] == self._ends[:-1]
-        self._breaks = np.append(np.flatnonzero(~linked), len(self._starts) - 1)
+        breaks = np.append(np.flatnonzero(~linked), len(starts) - 1) if len(starts) else np.empty(0, np.int64)
+        following = np.searchsorted(self._starts, self._ends[breaks])
+        self._breaks, self._following = breaks.tolist(), following.tolist()
 
     def at(self, offset: int) -> MessageRun | None:
         """Return the run that begins with the record at an offset; None where that is no whole message."""
         first = int(np.searchsorted(self._starts, offset))
-        if first == len(self._starts) or self._starts[first] != offset:
+        parts: list[slice] = []
+        while first < len(self._starts) and self._starts[first] == offset:
+            index = bisect_left(self._breaks, first)
+            parts.append(slice(first, self._breaks[index] + 1))
+            first, offset = self._following[index], self._ends[self._breaks[index]]  # past a false start
+        if not parts:
             return None
-        last = int(self._breaks[np.searchsorted(self._breaks, first)]) + 1
-        return MessageRun(self._starts[first:last], self._ends[first:last], self._channels[first:last])
+        columns = (self._starts, self._ends, self._channels)
+        return MessageRun(*(np.concatenate([column[part] for part in parts]) for column in columns))

@@ -1,7 +1,8 @@
-"""CRC-32 of many byte strings of one length at once: what makes a recording of short reads quick to check.
+"""CRC-32 of many short byte strings at once: what makes a recording of short reads quick to check.
 
-zlib has the fastest CRC of one long string; of a million short ones the calls are what costs. Here the rows are laid
-out as columns of two bytes, and each column is one step of all checksums together.
+zlib has the fastest CRC of one long string; of a million short ones the calls are what costs. Here the strings are laid
+out as rows that end together, and each column of four bytes is one step of all checksums. A row is longer than its
+string by zeros in front, which leave a register of zero as it is; so strings of different lengths take the same steps.
 """
 
 from __future__ import annotations
@@ -13,70 +14,101 @@ import numpy as np
 import numpy.typing as npt
 
 ByteArray = npt.NDArray[np.uint8]
+IntArray = npt.NDArray[np.int64]
+VoidArray = npt.NDArray[np.void]
 CrcArray = npt.NDArray[np.uint32]
 
 POLYNOMIAL = 0xEDB88320
 """Of CRC-32 as zlib has it, reflected."""
-LONGEST = 128
-"""Of longer strings zlib itself is faster, one by one. Measured."""
+LONGEST = 256
+"""Longer rows are for zlib, one by one: it is faster then. Measured."""
 FEWEST = 256
-"""And up to so many strings."""
+"""And so are up to so many rows."""
+ONES = 0xFFFFFFFF
+"""What the register begins with. The first bytes exclusive-or these have the same effect on one of zero."""
+STEP = 16
+"""Rows are a multiple of so many bytes."""
 _BLOCK = 4096  # rows at a time: registers and columns stay in the cache
 
 
-@cache
-def _word_table() -> CrcArray:
-    """Register after two more bytes, by its low half exclusive-or these bytes."""
-    table = np.arange(1 << 16, dtype=np.uint32)
-    for _ in range(16):
-        table = np.where(table & 1, table >> 1 ^ POLYNOMIAL, table >> 1).astype(np.uint32)
-    return table
+def overlapping(data: memoryview, length: int) -> VoidArray:
+    """See bytes as records of ``length`` that begin at every byte: indexing it copies each record in one go."""
+    return np.ndarray((max(len(data) - length + 1, 0),), f"V{length}", data, strides=(1,))
 
 
-def _byte_step(crc: CrcArray, column: ByteArray) -> CrcArray:
-    # The table of bytes is within that of words: a byte shifted up by eight, after eight steps of zeros, is the byte.
-    table = _word_table()[np.arange(256, dtype=np.uint16) << 8]
-    stepped: CrcArray = table[(crc & 0xFF).astype(np.uint8) ^ column] ^ crc >> 8
-    return stepped
-
-
-def checksums(rows: ByteArray) -> CrcArray:
-    """CRC-32 of each row, as ``zlib.crc32`` gives it.
+def checksums(prefixes: ByteArray, data: memoryview, starts: IntArray, ends: IntArray) -> CrcArray:
+    """CRC-32 of each prefix with the bytes that follow it, as ``zlib.crc32`` gives it.
 
     Parameters
     ----------
-    rows : (n, length) uint8
-        One string a row.
+    prefixes : (n, k) uint8
+        What each string begins with, k >= 4.
+    data : memoryview
+        Where the rest of each lies.
+    starts, ends : (n,) int64
+        Places of the rest in ``data``.
 
     Returns
     -------
     (n,) uint32
     """
-    n, length = rows.shape
-    if n <= FEWEST or length > LONGEST:
-        data = memoryview(rows.tobytes())
-        places = range(0, n * length, length) if length else [0] * n
-        return np.array([zlib.crc32(data[at : at + length]) for at in places], dtype=np.uint32)
-    out = np.empty(n, dtype=np.uint32)
-    for start in range(0, n, _BLOCK):
-        out[start : start + _BLOCK] = _block_checksums(rows[start : start + _BLOCK])
+    out = np.empty(len(starts), np.uint32)
+    n_steps = (ends - starts + (prefixes.shape[1] + STEP - 1)) // STEP
+    n_steps[(n_steps * STEP > LONGEST) | (n_steps * STEP > ends)] = 0
+    counts = np.bincount(n_steps, minlength=1)
+    alone = counts <= FEWEST
+    alone[0] = True
+    inverted = prefixes.copy()
+    np.ndarray(len(prefixes), "<u4", inverted, strides=inverted.strides[:1])[:] ^= ONES
+    heads = inverted.view(f"V{inverted.shape[1]}")[:, 0]
+    for number in np.flatnonzero(~alone).tolist():
+        chosen = np.flatnonzero(n_steps == number)
+        for first in range(0, len(chosen), _BLOCK):
+            part = slice(first, first + _BLOCK)
+            block = part if len(chosen) == len(starts) else chosen[part]
+            out[block] = _block_checksums(heads[block], data, starts[block], ends[block], number * STEP)
+    rest = np.flatnonzero(alone[n_steps])
+    if len(rest):
+        heads = prefixes[rest].view(heads.dtype)[:, 0]
+        places = zip(heads.tolist(), starts[rest].tolist(), ends[rest].tolist(), strict=True)
+        out[rest] = [zlib.crc32(data[start:end], zlib.crc32(head)) for head, start, end in places]
     return out
 
 
-def _block_checksums(rows: ByteArray) -> CrcArray:
-    n, length = rows.shape
-    even = length - length % 2
-    words = np.ascontiguousarray(np.ascontiguousarray(rows[:, :even]).view("<u2").T)
-    crc = np.full(n, 0xFFFFFFFF, dtype="<u4")
-    halves = crc.view("<u2")
-    place, change = np.empty(n, dtype=np.intp), np.empty(n, dtype=np.uint32)
-    table = _word_table()
-    for column in words:
-        np.bitwise_xor(halves[::2], column, out=place)
-        np.right_shift(crc, 16, out=crc)
-        table.take(place, out=change, mode="clip")  # in range anyhow; "raise" would copy
-        np.bitwise_xor(crc, change, out=crc)
-    if length % 2:
-        crc = _byte_step(crc, rows[:, -1])
-    inverted: CrcArray = np.invert(crc)
-    return inverted
+@cache
+def _tables() -> tuple[CrcArray, CrcArray]:
+    """Register after two more bytes, by its low half exclusive-or these; and after two of zero behind them."""
+    table = np.arange(1 << 16, dtype=np.uint32)
+    for _ in range(16):
+        table = np.where(table & 1, table >> 1 ^ POLYNOMIAL, table >> 1).astype(np.uint32)
+    return table, table[table & 0xFFFF] ^ table >> 16
+
+
+@cache
+def _masks() -> npt.NDArray[np.uint64]:
+    """Masks (STEP / 8, STEP) for the first bytes of a row, by how many of them are to be zero."""
+    kept = np.arange(STEP) >= np.arange(STEP)[:, None]
+    return np.ascontiguousarray((kept * np.uint8(0xFF)).view(np.uint64).T)
+
+
+def _block_checksums(heads: VoidArray, data: memoryview, starts: IntArray, ends: IntArray, width: int) -> CrcArray:
+    n, k = len(heads), heads.itemsize
+    rows = overlapping(data, width)[ends - width].view(np.uint8)
+    n_before = width - k - (ends - starts)
+    for column, masks in enumerate(_masks()):
+        rows.view(np.uint64)[column :: width // 8] &= masks[n_before]
+    overlapping(rows.data, k)[np.arange(0, n * width, width) + n_before] = heads
+
+    columns = np.ascontiguousarray(rows.view("<u4").reshape(n, -1).T)
+    after_two, after_four = _tables()
+    crc = np.zeros(n, dtype="<u4")
+    low, high = crc.view("<u2")[::2], crc.view("<u2")[1::2]
+    place, changed = np.empty(n, dtype=np.intp), np.empty(n, dtype=np.uint32)
+    for column in columns:
+        np.bitwise_xor(crc, column, out=crc)
+        np.copyto(place, low)
+        after_four.take(place, out=changed, mode="clip")  # in range anyhow; "raise" would copy
+        np.copyto(place, high)
+        after_two.take(place, out=crc, mode="clip")
+        np.bitwise_xor(crc, changed, out=crc)
+    return np.invert(crc)

@@ -87,18 +87,22 @@ class TrialAssembly:
     def _feed_stretch(self, stretch: RawStretch) -> None:
         located = self.link.feed_stretch(stretch.data)
         self.assembler.damaged(self.link.take_damage())
+        stop = 0
+        all_places = _places(stretch.stops, [ends for _, ends in located])
         for item, ends in located:
-            for start in range(0, len(ends), PART_SAMPLES):
-                part = slice(start, start + PART_SAMPLES)
-                places = _places(stretch.stops, ends[part])
+            start, stop = stop, stop + len(ends)
+            if not isinstance(item, OrientationBatch):
+                time_ns = stretch.host_time_ns[all_places[start:stop]]
+                self.arrivals.feed(item, time_ns)
+                self._feed_other(item, int(time_ns[0]))
+                continue
+            for first in range(start, stop, PART_SAMPLES):
+                last = min(first + PART_SAMPLES, stop)
+                batch = item if last - first == len(item) else _part(item, slice(first - start, last - start))
+                places = all_places[first:last]
                 times_ns = stretch.host_time_ns[places]
-                if isinstance(item, OrientationBatch):
-                    batch = item if len(ends) <= PART_SAMPLES else _part(item, part)
-                    self.arrivals.feed(batch, times_ns)
-                    self._feed_samples(batch, places, times_ns)
-                else:
-                    self.arrivals.feed(item, times_ns)
-                    self._feed_other(item, int(times_ns[0]))
+                self.arrivals.feed(batch, times_ns)
+                self._feed_samples(batch, places, times_ns)
         self._waiting.clear()
         self._heard_ns = int(stretch.host_time_ns[-1])
 
@@ -160,8 +164,11 @@ class TrialAssembly:
             self.reopened += 1
 
 
-def _places(stops: IntArray, ends: IntArray) -> IntArray:
-    """Tell in which chunk each packet ends: the first whose stop is behind it. Both arrays ascend."""
+def _places(stops: IntArray, parts: list[IntArray]) -> IntArray:
+    """Tell in which chunk each packet ends: the first whose stop is behind it. Stops and ends ascend."""
+    if not parts:
+        return np.empty(0, np.int64)
+    ends = np.concatenate(parts)
     first, last = np.searchsorted(stops, ends[[0, -1]], side="right").tolist()
     if last - first >= len(ends):
         found: IntArray = np.searchsorted(stops, ends, side="right")

@@ -179,8 +179,19 @@ def test_the_device_clock_unwrapped_at_once_is_that_of_chunk_by_chunk(seed, n, t
         start += len(part)
 
 
-@pytest.mark.parametrize("length", [0, 1, 2, 9, 30, 31, 129])
-@pytest.mark.parametrize("n", [0, 1, 256, 257, 5000])
-def test_checksums_of_rows_are_those_of_zlib(n, length):
-    rows = np.random.default_rng(n + length).integers(0, 256, (n, length), dtype=np.uint8)
-    assert checksums(rows).tolist() == [zlib.crc32(row.tobytes()) for row in rows]
+@pytest.mark.parametrize("longest", [0, 1, 2, 30, 40, 300])
+@pytest.mark.parametrize("n", [0, 1, 256, 300, 5000])
+@pytest.mark.parametrize("k", [4, 9])
+def test_checksums_of_many_strings_are_those_of_zlib(n, longest, k):
+    rng = np.random.default_rng(n + longest)
+    data = rng.bytes(2 * longest + 50)
+    starts = rng.integers(0, longest + 50, n)
+    ends = starts + rng.integers(0, longest + 1, n)
+    prefixes = rng.integers(0, 256, (n, k), dtype=np.uint8)
+    given_prefixes = prefixes.copy()
+    expected = [
+        zlib.crc32(prefix.tobytes() + data[start:end])
+        for prefix, start, end in zip(prefixes, starts, ends, strict=True)
+    ]
+    assert checksums(prefixes, memoryview(data), starts, ends).tolist() == expected
+    np.testing.assert_array_equal(prefixes, given_prefixes)

@@ -6,7 +6,7 @@ import struct
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host.recording.record_runs import MESSAGE_HEAD_BYTES, RecordRuns
+from host.recording.record_runs import MESSAGE_HEAD_BYTES, EvenRun, RecordRuns
 
 
 def record(kind: int, body: bytes) -> bytes:
@@ -39,7 +39,9 @@ def by_runs(block: bytes) -> list[tuple[int, int, int]]:
                 break
             found.append((offset, offset + 9 + length, None))
         else:
-            found += list(zip(run.starts.tolist(), run.ends.tolist(), run.channels.tolist(), strict=True))
+            whole = run.whole() if isinstance(run, EvenRun) else run
+            found += [(start, end, channel) for channel, start, end in whole.places()]
+            assert found[-1][1] == run.end
         offset = found[-1][1]
     return found
 
