@@ -18,6 +18,7 @@ import numpy.typing as npt
 from firmware_protocol.packets import Event, Info, OrientationBatch, Status
 from firmware_protocol.stream import StreamItem
 from host.clock.device_clock import ClockUnwrapper
+from host.clock.unwrap import changes
 from host.loss_ledger import LossLedger, LossReport
 from host.missing_runs import MissingRun
 from host.sample_blocks import SampleBlock, SegmentStart, selected
@@ -290,8 +291,8 @@ class SampleAssembler:
             back = (time_us - int(batch.device_time_us[0])) % 2**32
             return [0] if 0 < on < 32768 and 0 < back < 2**31 else []
         before = self._newest or (int(batch.sequence[0]), int(batch.device_time_us[0]))
-        newer = np.diff(batch.sequence, prepend=np.uint16(before[0])).view(np.int16) > 0
-        older = np.diff(batch.device_time_us, prepend=np.uint32(before[1])).view(np.int32) < 0
+        newer = changes(batch.sequence, before[0]).view(np.int16) > 0
+        older = changes(batch.device_time_us, before[1]).view(np.int32) < 0
         found: list[int] = np.flatnonzero(newer & older).tolist()
         return found
 

@@ -12,6 +12,7 @@ reported as a :class:`ClockStep`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,7 @@ import numpy.typing as npt
 from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US
 
 IntArray = npt.NDArray[np.int64]
+Number = TypeVar("Number", bound=np.integer[Any])
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +62,17 @@ class ClockStep:
     """Device reading minus the host's prediction of it, modulo the wrap, in [-2**31, 2**31) us."""
     gap_ns: int
     """Host time since the previous chunk, ns."""
+
+
+def changes(values: npt.NDArray[Number], before: int) -> npt.NDArray[Number]:
+    """Differences (n,) of each value to the one before, as ``np.diff`` with ``prepend``, in a fraction of its time.
+
+    Unsigned ones wrap.
+    """
+    found = np.empty_like(values)
+    np.subtract(values[:1], values.dtype.type(before), out=found[:1])
+    np.subtract(values[1:], values[:-1], out=found[1:])
+    return found
 
 
 class ClockUnwrapper:
@@ -163,12 +176,12 @@ class ClockUnwrapper:
             Unwrapped device time, us; None, and nothing is taken in, where a chunk may hold a step or begins a segment.
         """
         settings = self.settings
-        waits_ns = np.diff(host_time_ns, prepend=self._last_ns)
+        waits_ns = changes(host_time_ns, self._last_ns)
         if not self._has_reference or waits_ns.min() < 0 or waits_ns.max() > 1e9 * settings.max_latency_s:
             return None
         ticks = device_time_us.astype(np.int64)
         half = DEVICE_CLOCK_MODULUS_US // 2
-        unwrapped = np.diff(ticks, prepend=self._newest_us)
+        unwrapped = changes(ticks, self._newest_us)
         np.add(unwrapped, half, out=unwrapped)
         np.bitwise_and(unwrapped, DEVICE_CLOCK_MODULUS_US - 1, out=unwrapped)  # the modulus is a power of two
         np.subtract(unwrapped, half, out=unwrapped)

@@ -32,6 +32,8 @@ from host.transports.chunks import AnyChunk
 MAX_RECORD_BYTES = 64 * 2**20
 """A longer record is damage: ours have at most 64 KiB."""
 READ_BLOCK_BYTES = 2 * 2**20
+HANDFUL_BYTES = 4096
+"""So little at the end of a block waits for the next: a few records by themselves take as long as thousands."""
 HEADER_BLOCK_BYTES = 16 * 2**10
 _FRAME = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -255,6 +257,8 @@ class RecordingReader:
                 if run is not None:
                     offset = run.end
                     yield Opcode.MESSAGE, view, run
+                    if n_read and len(view) - offset < HANDFUL_BYTES:
+                        break
                     continue
                 kind, length = _FRAME.unpack_from(view, offset)
                 if length > MAX_RECORD_BYTES:

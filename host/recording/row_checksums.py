@@ -78,9 +78,11 @@ def checksums(prefixes: ByteArray, data: memoryview, starts: IntArray, ends: Int
 @cache
 def _tables() -> tuple[CrcArray, CrcArray]:
     """Register after two more bytes, by its low half exclusive-or these; and after two of zero behind them."""
-    table = np.arange(1 << 16, dtype=np.uint32)
-    for _ in range(16):
-        table = np.where(table & 1, table >> 1 ^ POLYNOMIAL, table >> 1).astype(np.uint32)
+    table = np.zeros(1 << 16, dtype=np.uint32)
+    step = POLYNOMIAL
+    for bit in reversed(range(16)):  # the higher a bit, the later it counts; the effects of bits add up
+        table[1 << bit :: 2 << bit] = table[:: 2 << bit] ^ np.uint32(step)
+        step = step >> 1 ^ (POLYNOMIAL if step & 1 else 0)
     return table, table[table & 0xFFFF] ^ table >> 16
 
 
