@@ -96,4 +96,4 @@ def plot(result: TrialScore, series: OrientationSeries, name: str = "rotation_cl
     """
     from analysis.reporting.library import draw
 
-    return draw(result, series, name)
+    return draw(result.to_json(), series, name)

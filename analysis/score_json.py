@@ -1,4 +1,4 @@
-"""A trial's result as JSON: the one place that names its fields. ``docs/benchmark.md`` lists them."""
+"""How the parts of a result are laid out as JSON; ``docs/benchmark.md`` lists the fields, angles in deg, times in s."""
 
 from __future__ import annotations
 
@@ -7,62 +7,14 @@ from dataclasses import asdict
 import numpy as np
 
 from analysis import rotations
-from analysis.cycles import Run
+from analysis.as_published import PublishedDrift
+from analysis.cycles import CycleAnalysis, Run
 from analysis.drift import rotation_drift
-from analysis.trial_score import RESULT_FORMAT, Json, ScoredEndpoint, TrialScore, finite
+from analysis.score_parts import AutomaticScore, OtherExtreme, ScoredEndpoint, SensorShare, Window
 
 
-def score_to_json(score: TrialScore) -> dict[str, Json]:
-    """Lay out a result.
-
-    Parameters
-    ----------
-    score
-        The result.
-
-    Returns
-    -------
-    Fields of ``docs/benchmark.md``, "The result as JSON"; angles in deg, times in s, null for what is unknown.
-    """
-    drift = score.drift
-    fields: dict[str, object] = {
-        "format": RESULT_FORMAT,
-        "theta_bar_deg": score.theta_bar_deg,
-        "axis": None if drift is None else drift.axis,
-        "n_endpoints": len(score.endpoints),
-        "interval_deg": score.interval_deg,
-        "valid": score.valid,
-        "reasons": score.reasons,
-        "warnings": score.warnings,
-        "endpoints": _endpoints(score.endpoints, score.index_kind),
-        "steps_deg": [] if drift is None else drift.steps_deg,
-        "flags": [list(point.flags) for point in score.endpoints],
-        "period_s": score.period_s,
-        "other_extreme": _other(score),
-        "companions": _companions(score),
-        "sensor": _sensor(score),
-        "window": _window(score),
-        "cycles": _cycles(score),
-        "losses": score.losses,
-        "recording": {
-            "source": score.source,
-            "convention": score.convention,
-            "n_samples": score.n_samples,
-            "start_s": score.start_s,
-            "duration_s": score.duration_s,
-            "notes": score.notes,
-        },
-        "settings": {"cycles": asdict(score.cycles.settings)},
-        **({} if not score.excluded else {"excluded_cycles": [asdict(item) for item in score.excluded]}),
-        **({} if score.published is None else {"as_published": _published(score)}),
-        **score.extra,
-    }
-    result = finite(fields)
-    assert isinstance(result, dict)
-    return result
-
-
-def _endpoints(points: tuple[ScoredEndpoint, ...], index_kind: str) -> list[dict[str, object]]:
+def endpoint_fields(points: tuple[ScoredEndpoint, ...], index_kind: str) -> list[dict[str, object]]:
+    """Lay out end points; ``index_kind`` (``row`` or ``sequence``) names the field of their index."""
     return [
         {
             index_kind: point.index,
@@ -77,42 +29,18 @@ def _endpoints(points: tuple[ScoredEndpoint, ...], index_kind: str) -> list[dict
     ]
 
 
-def _other(score: TrialScore) -> dict[str, object] | None:
-    if score.other is None:
-        return None
-    drift = score.other.drift
+def other_fields(other: OtherExtreme, index_kind: str) -> dict[str, object]:
+    """Lay out the score at the other extreme."""
     return {
-        "theta_bar_deg": None if drift is None else drift.theta_bar_deg,
-        "axis": None if drift is None else drift.axis,
-        "n_endpoints": len(score.other.endpoints),
-        "endpoints": _endpoints(score.other.endpoints, score.index_kind),
+        "theta_bar_deg": None if other.drift is None else other.drift.theta_bar_deg,
+        "axis": None if other.drift is None else other.drift.axis,
+        "n_endpoints": len(other.endpoints),
+        "endpoints": endpoint_fields(other.endpoints, index_kind),
     }
 
 
-def _companions(score: TrialScore) -> dict[str, object] | None:
-    companions, drift = score.companions, score.drift
-    if companions is None or drift is None:
-        return None
-    values: dict[str, object] = asdict(companions)
-    if score.phase is not None:
-        sweep = score.phase.theta_bar_deg
-        values["over_phase_deg"] = {
-            "min": float(sweep.min()),
-            "max": float(sweep.max()),
-            "phases": score.phase.phases,
-            "theta_bar_deg": sweep,
-            "n_cycles": score.phase.n_cycles,
-        }
-    values["interval"] = None if score.interval is None else asdict(score.interval)
-    values["translation_drift_mm"] = score.translation_drift_mm
-    values["mean_rotation_wxyz"] = drift.mean_rotation_wxyz
-    return values
-
-
-def _sensor(score: TrialScore) -> dict[str, object] | None:
-    sensor = score.sensor
-    if sensor is None:
-        return None
+def sensor_fields(sensor: SensorShare) -> dict[str, object]:
+    """Lay out the sensor's own share."""
     return {
         "source": sensor.source,
         "per_cycle_deg": sensor.per_cycle_deg,
@@ -123,20 +51,20 @@ def _sensor(score: TrialScore) -> dict[str, object] | None:
     }
 
 
-def _window(score: TrialScore) -> dict[str, object]:
-    window = score.window
+def window_fields(window: Window, automatic: AutomaticScore | None) -> dict[str, object]:
+    """Lay out which end points were taken, and what the automatic window gives beside an edited one."""
     return {
         "kind": window.kind,
         "from_s": window.from_s,
         "to_s": window.to_s,
         "source": window.source,
         "left_out": [{"time_s": at, "reason": reason} for at, reason in window.left_out],
-        "automatic": None if score.automatic is None else asdict(score.automatic),
+        "automatic": None if automatic is None else asdict(automatic),
     }
 
 
-def _cycles(score: TrialScore) -> dict[str, object]:
-    found = score.cycles
+def cycle_fields(found: CycleAnalysis) -> dict[str, object]:
+    """Lay out the search for cycles."""
     return {
         "period_confidence": found.period_confidence,
         "axis": found.axis,
@@ -169,9 +97,8 @@ def _run_drift(run: Run) -> float | None:
     return rotation_drift([point.quat_wxyz for point in run.endpoints]).theta_bar_deg
 
 
-def _published(score: TrialScore) -> dict[str, object]:
-    published = score.published
-    assert published is not None
+def published_fields(published: PublishedDrift) -> dict[str, object]:
+    """Lay out the authors' own figure."""
     return {
         "euler_drift_deg": published.mended_deg,
         "euler_drift_as_published_deg": published.as_published_deg,

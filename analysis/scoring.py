@@ -19,8 +19,9 @@ from analysis.companions import orientation_at
 from analysis.cycles import CycleAnalysis, CycleSettings, Endpoint, find_cycles
 from analysis.drift import rotation_drift
 from analysis.endpoint_choice import EndpointChoice, as_choice
+from analysis.score_parts import AutomaticScore, ExcludedCycle, ScoredEndpoint, Window
 from analysis.series import OrientationSeries, SeriesError
-from analysis.trial_score import AutomaticScore, ExcludedCycle, ScoredEndpoint, TrialScore, Window
+from analysis.trial_score import TrialScore
 from analysis.trust import endpoint_quats, with_figures
 
 MIN_CYCLES = 3

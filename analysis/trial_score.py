@@ -2,118 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
-import numpy as np
-
+from analysis import score_json
 from analysis.as_published import PublishedDrift
-from analysis.baseline import StaticBaseline
 from analysis.companions import DriftCompanions, PhaseSweep
 from analysis.cycles import CycleAnalysis
 from analysis.drift import RotationDrift
-from analysis.series import FloatArray
+from analysis.plain_json import Json, finite
+from analysis.score_parts import AutomaticScore, ExcludedCycle, OtherExtreme, ScoredEndpoint, SensorShare, Window
 from analysis.uncertainty import DriftInterval
 
 RESULT_FORMAT = 1
 """Version of the JSON layout."""
-
-Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
-
-
-@dataclass(frozen=True, eq=False)
-class ScoredEndpoint:
-    """One end point as it went into the score."""
-
-    time_s: float
-    """Recording's own time, s."""
-    index: int
-    """Row or sequence number of the nearest sample."""
-    quat_wxyz: FloatArray
-    """(4,) orientation that was scored."""
-    flags: tuple[str, ...] = ()
-    """What is odd about the cycle that ends here."""
-    reason: str = ""
-    """Why a person chose it, if one did and said so."""
-    dwell_s: float | None = None
-    """How long the object stayed near the extreme; None for chosen end points."""
-    prominence_deg: float | None = None
-    """Travel to or from it, whichever is less; None for chosen end points."""
-
-
-@dataclass(frozen=True)
-class Window:
-    """Which end points were taken, and who decided."""
-
-    kind: str
-    """``automatic``, ``from-to`` or ``endpoints``."""
-    from_s: float | None
-    """Begin, recording's own time: as given, else of the first end point."""
-    to_s: float | None
-    """End."""
-    source: str = ""
-    """Where the choice came from."""
-    left_out: tuple[tuple[float, str], ...] = ()
-    """(time, reason) of turning points at the ends that the search left out."""
-
-
-@dataclass(frozen=True)
-class AutomaticScore:
-    """What the automatic window gives, beside an edited one."""
-
-    valid: bool
-    """Whether it would be scored."""
-    theta_bar_deg: float | None
-    """θ̄, None where not valid."""
-    n_endpoints: int
-    """Number of end points."""
-    indices: tuple[int, ...]
-    """Rows or sequence numbers."""
-    reasons: tuple[str, ...]
-    """Why it is not valid."""
-
-
-@dataclass(frozen=True)
-class SensorShare:
-    """What of θ̄ the sensor alone can explain."""
-
-    source: str
-    """``baseline``, ``rests`` (inside the trial) or ``unknown``."""
-    baseline: StaticBaseline | None
-    """What it was computed from."""
-    per_cycle_deg: float | None
-    """Heading drift × period: what the sensor fakes per cycle."""
-    detectable_deg: float | None
-    """The floor: 95th percentile of θ̄ of a resting object in such a trial."""
-    below_floor: bool | None
-    """θ̄ is below the floor: it cannot be told from a resting object's."""
-    note: str
-    """For people."""
-
-
-@dataclass(frozen=True, eq=False)
-class OtherExtreme:
-    """The same trial scored at the other turning point of the motion."""
-
-    drift: RotationDrift | None
-    """None with fewer than 2 end points."""
-    endpoints: tuple[ScoredEndpoint, ...]
-    """In time order."""
-
-
-@dataclass(frozen=True)
-class ExcludedCycle:
-    """A cycle that a person left out: kept, flagged, with the reason."""
-
-    from_s: float
-    """End point at its begin, recording's own time, s, as far as known when it was left out."""
-    to_s: float
-    """End point at its end."""
-    reason: str
-    """The person's; may be empty."""
-    step: int = -1
-    """Number of its step, from 0; −1 before it is found among the scored ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,10 +86,64 @@ class TrialScore:
         return None if self.interval is None else (self.interval.low_deg, self.interval.high_deg)
 
     def to_json(self) -> dict[str, Json]:
-        """Lay the result out as plain JSON: finite numbers, null for what is unknown."""
-        from analysis.score_json import score_to_json  # it needs this module
+        """Lay the result out as plain JSON: finite numbers, null for what is unknown.
 
-        return score_to_json(self)
+        Returns
+        -------
+        Fields of ``docs/benchmark.md``, "The result as JSON"; angles in deg, times in s.
+        """
+        drift = self.drift
+        fields: dict[str, object] = {
+            "format": RESULT_FORMAT,
+            "theta_bar_deg": self.theta_bar_deg,
+            "axis": None if drift is None else drift.axis,
+            "n_endpoints": len(self.endpoints),
+            "interval_deg": self.interval_deg,
+            "valid": self.valid,
+            "reasons": self.reasons,
+            "warnings": self.warnings,
+            "endpoints": score_json.endpoint_fields(self.endpoints, self.index_kind),
+            "steps_deg": [] if drift is None else drift.steps_deg,
+            "flags": [list(point.flags) for point in self.endpoints],
+            "period_s": self.period_s,
+            "other_extreme": None if self.other is None else score_json.other_fields(self.other, self.index_kind),
+            "companions": self._companion_fields(),
+            "sensor": None if self.sensor is None else score_json.sensor_fields(self.sensor),
+            "window": score_json.window_fields(self.window, self.automatic),
+            "cycles": score_json.cycle_fields(self.cycles),
+            "losses": self.losses,
+            "recording": {
+                "source": self.source,
+                "convention": self.convention,
+                "n_samples": self.n_samples,
+                "start_s": self.start_s,
+                "duration_s": self.duration_s,
+                "notes": self.notes,
+            },
+            "settings": {"cycles": asdict(self.cycles.settings)},
+            **({} if not self.excluded else {"excluded_cycles": [asdict(item) for item in self.excluded]}),
+            **({} if self.published is None else {"as_published": score_json.published_fields(self.published)}),
+            **self.extra,
+        }
+        return {name: finite(value) for name, value in fields.items()}
+
+    def _companion_fields(self) -> dict[str, object] | None:
+        if self.companions is None or self.drift is None:
+            return None
+        values: dict[str, object] = asdict(self.companions)
+        if self.phase is not None:
+            sweep = self.phase.theta_bar_deg
+            values["over_phase_deg"] = {
+                "min": float(sweep.min()),
+                "max": float(sweep.max()),
+                "phases": self.phase.phases,
+                "theta_bar_deg": sweep,
+                "n_cycles": self.phase.n_cycles,
+            }
+        values["interval"] = None if self.interval is None else asdict(self.interval)
+        values["translation_drift_mm"] = self.translation_drift_mm
+        values["mean_rotation_wxyz"] = self.drift.mean_rotation_wxyz
+        return values
 
     def __repr__(self) -> str:
         """One line for an interactive session; every attribute printed would fill pages."""
@@ -200,31 +156,4 @@ class TrialScore:
         """Show the result in a notebook."""
         from analysis.reporting.library import result_html  # drawing is not needed to score
 
-        return result_html(dict(self.to_json()))
-
-
-def finite(value: object) -> Json:
-    """Make plain JSON of results: arrays to lists, numbers that are not finite to null.
-
-    Parameters
-    ----------
-    value
-        Numbers, texts, arrays, and tuples, lists and mappings of them.
-
-    Returns
-    -------
-    What :func:`json.dumps` takes with ``allow_nan=False``.
-    """
-    if value is None or isinstance(value, (bool, str)):
-        return value
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return finite(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [finite(item) for item in value]
-    raise TypeError(f"{type(value).__name__} is no part of a result")
+        return result_html(self.to_json())

@@ -13,9 +13,10 @@ from analysis.baseline import StaticBaseline, baseline_from_holds
 from analysis.companions import MIN_EIGENVALUE_SHARE, DriftCompanions, drift_companions, drift_over_phase
 from analysis.cycles import Endpoint
 from analysis.drift import RotationDrift, rotation_drift, translation_drift_mm
+from analysis.score_parts import OtherExtreme, ScoredEndpoint, SensorShare
 from analysis.series import FloatArray, OrientationSeries
 from analysis.still_holds import still_holds
-from analysis.trial_score import OtherExtreme, ScoredEndpoint, SensorShare, TrialScore
+from analysis.trial_score import TrialScore
 from analysis.uncertainty import DriftInterval, drift_interval, heading_drift_bound_deg
 
 IMU_HEADING_DEG_PER_MIN = (0.4, 6.0)

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from analysis.trial_score import ExcludedCycle
+from analysis.score_parts import ExcludedCycle
 from host.plain_text import plain
 
 MARKER, NOTE = "marker", "note"

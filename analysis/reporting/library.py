@@ -10,13 +10,12 @@ from analysis.reporting import wording
 from analysis.reporting.figure_set import CAPTIONS, make_figure
 from analysis.reporting.trial_report import TrialReport
 from analysis.series import OrientationSeries
-from analysis.trial_score import TrialScore
 
 _LEFT = "style='text-align:left'"
 
 
-def draw(result: TrialScore, series: OrientationSeries, name: str) -> look.PaperFigure:
-    """Draw one figure; see :func:`analysis.plot`.
+def draw(result: dict[str, Any], series: OrientationSeries, name: str) -> look.PaperFigure:
+    """Draw one figure of a score given as JSON values; see :func:`analysis.plot`.
 
     Raises
     ------
@@ -26,7 +25,7 @@ def draw(result: TrialScore, series: OrientationSeries, name: str) -> look.Paper
     if name not in CAPTIONS:
         raise ValueError(f"there is no figure {name!r}; there are {', '.join(CAPTIONS)}")
     with look.style():
-        figure = make_figure(_trial(result.to_json(), series), name)
+        figure = make_figure(_trial(result, series), name)
     if figure is None:
         raise ValueError(f"this result has nothing to show in the figure {name!r}")
     return figure

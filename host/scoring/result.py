@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 
 from analysis.endpoint_choice import EndpointChoice
+from analysis.plain_json import finite
+from analysis.score_parts import ExcludedCycle
 from analysis.scoring import score_series
 from analysis.series import FloatArray, OrientationSeries
-from analysis.trial_score import ExcludedCycle, TrialScore, finite
+from analysis.trial_score import TrialScore
 from firmware_protocol.packets import Info
 from host.errors import FileError
 from host.loss_verdict import CycleLosses, judge_losses

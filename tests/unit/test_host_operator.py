@@ -11,8 +11,8 @@ from analysis import averages, rotations
 from analysis.cycle_analysis import Endpoint
 from analysis.drift import rotation_drift
 from analysis.precision import steps_needed
+from analysis.score_parts import ExcludedCycle
 from analysis.series import SeriesError
-from analysis.trial_score import ExcludedCycle
 from analysis.uncertainty import drift_interval
 from host import operator_actions as did
 from host.capture.operator_desk import OperatorDesk

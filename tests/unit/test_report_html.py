@@ -14,8 +14,8 @@ from analysis.reporting.interactive import BUNDLE, plotly_base64
 from analysis.reporting.report import report_html
 from analysis.reporting.report_pdf import report_pdf
 from analysis.reporting.wording import cycle_rows, methods_text
+from analysis.score_parts import ExcludedCycle
 from analysis.scoring import score_series
-from analysis.trial_score import ExcludedCycle
 from tests.scored_trials import scored, trial_report
 
 HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)>\"'{{7*7}} \x1b[31mred & <b>"
