@@ -164,10 +164,7 @@ class _LinkedRecords:
     def __init__(self, block: memoryview, offset: int) -> None:
         block = block[offset:]
         data = np.frombuffer(block, np.uint8)
-        n_places = max(len(data) - HEAD_BYTES - MESSAGE_HEAD_BYTES + 1, 0)
-        # Bytes 3 to 6 of a length that is short enough are zero: cheaper to look at everywhere than all eight.
-        short = _numbers(block, "<u4", 4)[:n_places] == 0
-        starts = np.flatnonzero((data[:n_places] == Opcode.MESSAGE) & short)
+        starts = np.flatnonzero(data[: max(len(data) - HEAD_BYTES - MESSAGE_HEAD_BYTES + 1, 0)] == Opcode.MESSAGE)
         lengths = _numbers(block, "<u8", 1)[starts].astype(np.int64)  # impossible ones come out negative, or too long
         ends = starts + HEAD_BYTES + lengths
         whole = (lengths >= MESSAGE_HEAD_BYTES) & (lengths < LONGEST_BYTES) & (ends <= len(data))
