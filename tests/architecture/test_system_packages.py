@@ -67,7 +67,7 @@ def test_without_apt_it_says_so_and_ends_well(run):
 def test_it_ends_when_its_time_is_over(run):
     done, calls = run(apt="sleep 600", LIMIT_S="1")
     assert done.returncode == 0
-    assert len(calls) == 1  # for what comes after there is no time
+    assert len(calls) <= 1  # for what comes after there is no time
 
 
 def test_ci_calls_it_and_cannot_fail_by_it():
