@@ -33,7 +33,7 @@ def hidden_package(root: Path) -> str | None:
     Returns
     -------
     str or None
-        One sentence with the mend; None when all four are ours.
+        One sentence that says what to do; None when all four are ours.
     """
     for name, known_by in PACKAGES.items():
         try:

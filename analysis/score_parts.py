@@ -36,7 +36,7 @@ class Window:
     kind: str
     """``automatic``, ``from-to`` or ``endpoints``."""
     from_s: float | None
-    """Begin, recording's own time: as given, else of the first end point."""
+    """Start, recording's own time: as given, else of the first end point."""
     to_s: float | None
     """End."""
     source: str = ""
@@ -94,7 +94,7 @@ class ExcludedCycle:
     """A cycle that a person left out: kept, flagged, with the reason."""
 
     from_s: float
-    """End point at its begin, recording's own time, s, as far as known when it was left out."""
+    """End point at its start, recording's own time, s, as far as known when it was left out."""
     to_s: float
     """End point at its end."""
     reason: str

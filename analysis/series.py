@@ -30,7 +30,7 @@ class SeriesError(AnalysisError):
 
 
 class ReaderError(AnalysisError):
-    """A file that cannot be read as orientations; one sentence with the line number and the mend."""
+    """A file that cannot be read as orientations; one sentence with the line number and what to do."""
 
 
 class BaselineError(AnalysisError):

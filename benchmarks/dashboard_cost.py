@@ -51,7 +51,7 @@ rate_hz = 1000
 """
 STRETCH_NS = 3_000_000_000
 SETTLE_NS = 300_000_000
-"""At the begin of a stretch, not counted: the last picture, or the first."""
+"""At the start of a stretch, not counted: the last picture, or the first."""
 WARM_UP = 1
 """Pairs not counted."""
 SECONDS = 62.0

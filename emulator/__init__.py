@@ -5,7 +5,7 @@ which meet the clock and the operating system. Errors, one tree::
 
     EmulatorError        as it is: the truth or a byte file cannot be written (names the file)
     ├── ScenarioError    a scenario is unknown, not TOML, or a value in it is out of range (names the key)
-    └── LinkError        a link cannot be opened: bad URI, port or path taken (names the mend)
+    └── LinkError        a link cannot be opened: bad URI, port or path taken (says what to do)
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the host raises on purpose: one sentence each, and the mend.
+"""What the host raises on purpose: one sentence each, and what to do.
 
 HostError
     UsageError      2   wrong use: an impossible link, an unknown scenario, a foreign package in our place

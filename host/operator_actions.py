@@ -32,7 +32,7 @@ class OperatorAction:
     text: str = ""
     """What was typed, or which marker it was."""
     from_s: float = math.nan
-    """End point at the begin of the cycle that is meant, s; NaN where no cycle is."""
+    """End point at the start of the cycle that is meant, s; NaN where no cycle is."""
     to_s: float = math.nan
     """End point at its end, s."""
 

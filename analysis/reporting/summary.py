@@ -185,7 +185,7 @@ _LATEX = {
     "°": "$^\\circ$",
     "`": "\\textasciigrave{}",
     "'": "{'}",
-    "[": "{[}",  # at the begin of a line it would be an argument of the line break before, as the star
+    "[": "{[}",  # at the start of a line it would be an argument of the line break before, as the star
     "*": "{*}",
     **{character: "\\" + character for character in "&%$#_{}"},
 }

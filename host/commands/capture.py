@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     Raises
     ------
     HostError
-        What went wrong, with the mend.
+        What went wrong, and what to do.
     """
     from datetime import datetime
 

@@ -15,7 +15,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="make a clean recording of a cut or damaged one",
         description=(
             "Search a recording for everything that is whole, by the checksum of each record, and write it as a new "
-            "recording. A capture that was killed needs this not: its recording replays and scores as it is."
+            "recording. The recording of a killed capture does not need this: it replays and scores as it is."
         ),
     )
     parser.add_argument("source", metavar="IN", type=Path, help="the damaged recording")

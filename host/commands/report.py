@@ -26,7 +26,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         epilog="example: rotdrift report trials/*.mcap --out submission.zip   (also: report.html, report.pdf)",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("trials", nargs="+", type=Path, metavar="TRIAL", help="recordings, of ours or of anybody")
+    parser.add_argument(
+        "trials", nargs="+", type=Path, metavar="TRIAL", help="recordings: any that `rotdrift score` reads"
+    )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help="submission.zip, report.html, report.pdf, or a folder"
     )
@@ -36,7 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--title", metavar="TEXT", help="title of the report")
     parser.add_argument("--force", action="store_true", help="replace the file that exists")
     parser.add_argument("--endpoints", metavar="ROWS|FILE", help="end points chosen by hand (one trial only)")
-    parser.add_argument("--from", dest="start", type=float, metavar="S", help="begin of the window (one trial only)")
+    parser.add_argument("--from", dest="start", type=float, metavar="S", help="start of the window (one trial only)")
     parser.add_argument("--to", dest="end", type=float, metavar="S", help="end of the window (one trial only)")
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
     parser.add_argument("--columns", metavar="SPEC", help="what the columns are: t=time,qw=w,qx=x,qy=y,qz=z")

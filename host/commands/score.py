@@ -1,4 +1,4 @@
-"""``rotdrift score``: score recordings, of ours or of anybody."""
+"""``rotdrift score``: score recordings, made here or elsewhere."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--endpoints", metavar="ROWS|FILE", help="end points chosen by hand: 1175,1639 (rows), 12.5s,17.1s, or a file"
     )
     parser.add_argument(
-        "--from", dest="start", type=_bound, metavar="S|MARKER", help="begin of the window: seconds, or m1 for a marker"
+        "--from", dest="start", type=_bound, metavar="S|MARKER", help="start of the window: seconds, or m1 for a marker"
     )
     parser.add_argument("--to", dest="end", type=_bound, metavar="S|MARKER", help="end of the window")
     parser.add_argument(

@@ -43,7 +43,7 @@ def translate_open_error(
     target : str
         Device path, COM port or URL.
     existing : list of str
-        Ports that do exist, for the mend.
+        Ports that do exist, to suggest.
     platform : str
         ``sys.platform``; given, so that every platform's sentences are tested on one.
     """

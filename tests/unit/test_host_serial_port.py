@@ -8,7 +8,6 @@ import socket
 import sys
 import threading
 import time
-import tty
 from pathlib import Path
 
 import pytest
@@ -32,6 +31,8 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no pt
 
 @pytest.fixture
 def pty():
+    import tty
+
     master, slave = os.openpty()
     tty.setraw(slave)
     yield master, os.ttyname(slave)
