@@ -18,12 +18,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="put submissions side by side: table, forest plot, static site",
         description=(
             "Compare submissions (.zip), results of `rotdrift score --json` (.json), or folders of them. Without "
-            "--out\n"
-            "the table is printed as Markdown. --out NAME.csv, .md, .tex, .html, .svg, .png or .pdf (forest "
-            "plot), or a\n"
-            "folder: a static site with one page per hand and one per object."
+            "--out the table is printed as Markdown. --out NAME.csv, .md, .tex, .html, .svg, .png or .pdf (forest "
+            "plot), or a folder: a static site with one page per hand and one per object."
         ),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("sources", nargs="+", type=Path, metavar="BUNDLE|RESULT", help="what to compare")
     parser.add_argument("--out", type=Path, metavar="FILE|FOLDER", help="what to write")

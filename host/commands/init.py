@@ -17,7 +17,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "init",
         help="make the object, hand and trial cards of a submission",
         description="Ask for the object, hand and trial cards in the terminal and write them as TOML.",
-        epilog="example: rotdrift init trials/cube_roll   then   rotdrift report trials/cube_roll/*.mcap --out sub.zip",
+        epilog=(
+            "example: rotdrift init trials/cube_roll\n"
+            "then:    rotdrift report trials/cube_roll/*.mcap --out submission.zip"
+        ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", nargs="?", default=".", metavar="FOLDER", help="where to write (default: here)")

@@ -18,12 +18,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "report",
         help="write a submission: report, figures, data, summary",
         description=(
-            "Write everything the benchmark card asks for. Cards are taken from --cards, from NAME.toml beside the\n"
-            "recording NAME.mcap, and from object.toml, hand.toml, trial.toml there or in the folder above. End\n"
-            "points chosen by hand are taken from NAME.endpoints.csv (but where --from or --to is given), a static\n"
-            "baseline from NAME.baseline.toml or baseline.toml."
+            "Write everything the benchmark card asks for. Cards are taken from --cards,\n"
+            "from NAME.toml beside the recording NAME.mcap, and from object.toml, hand.toml,\n"
+            "trial.toml there or in the folder above. End points chosen by hand are taken\n"
+            "from NAME.endpoints.csv (but where --from or --to is given), a static baseline\n"
+            "from NAME.baseline.toml or baseline.toml."
         ),
-        epilog="example: rotdrift report trials/*.mcap --out submission.zip   (also: report.html, report.pdf)",
+        epilog="example: rotdrift report trials/*.mcap --out submission.zip",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
