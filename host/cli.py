@@ -38,7 +38,7 @@ class CommandModule(Protocol):
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors look like all others: one sentence that says what to do, on stderr, exit code 2."""
+    """An argument parser whose errors look like all others: one sentence with what to do, on stderr, exit code 2."""
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong with the arguments and leave."""

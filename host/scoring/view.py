@@ -38,8 +38,14 @@ def render_score(score: TrialScore) -> RenderableType:
 
 
 def print_score(score: TrialScore, console: Console | None = None) -> None:
-    """Print a result to standard output."""
-    (console or Console(highlight=False, soft_wrap=False)).print(render_score(score))
+    """Print a result to standard output; where that is a file or a pipe, without the blanks that fill up a line."""
+    console = console or Console(highlight=False, soft_wrap=False)
+    if console.is_terminal:
+        console.print(render_score(score))
+        return
+    with console.capture() as drawn:
+        console.print(render_score(score))
+    console.file.write("".join(f"{line.rstrip()}\n" for line in drawn.get().splitlines()))
 
 
 def _headline(score: TrialScore) -> Text:
@@ -111,7 +117,8 @@ def _companions(score: TrialScore) -> Iterator[tuple[str, str]]:
         return
     yield (
         "steps",
-        f"mean {found.mean_step_deg:.3f}°, median {found.median_step_deg:.3f}°, scatter {found.dispersion_deg:.3f}°; "
+        f"mean {found.mean_step_deg:.3f}°, median {found.median_step_deg:.3f}°, "
+        f"dispersion {found.dispersion_deg:.3f}°; "
         f"top eigenvalue share {found.top_eigenvalue_share:.4f}",
     )
     yield (

@@ -56,7 +56,7 @@ def test_every_companion_is_shown(score):
         f"{len(score.endpoints) - 1} cycles ({len(score.endpoints)} end points)",
         f"confidence {score.cycles.period_confidence:.2f}",
         f"{score.cycles.axis_share:.0%} of it about one axis",
-        f"mean {found.mean_step_deg:.3f}°, median {found.median_step_deg:.3f}°, scatter {found.dispersion_deg:.3f}°",
+        f"mean {found.mean_step_deg:.3f}°, median {found.median_step_deg:.3f}°, dispersion {found.dispersion_deg:.3f}°",
         f"top eigenvalue share {found.top_eigenvalue_share:.4f}",
         f"net rotation {found.net_rotation_deg:.2f}°, at most {found.max_excursion_deg:.2f}° from the first",
         f"slope {found.slope_deg_per_cycle:.3f}° per cycle",
