@@ -33,8 +33,3 @@ class CanCounters(StreamCounters):
     """Samples dropped because two objects share the node id."""
     long_packet_errors: int = 0
     """ISO-TP receptions and transmissions that failed."""
-
-    @property
-    def unusable(self) -> int:
-        """Frames that arrived but could not be used: each may have been a sample."""
-        return super().unusable + self.refused

@@ -81,11 +81,6 @@ class StreamCounters(FrameCounters, SequenceCounters):
     extended: int = 0
     """Of the packets delivered, those with fields of a newer minor version at their end."""
 
-    @property
-    def unusable(self) -> int:
-        """Frames that arrived but could not be used, whatever was wrong with them: each may have been a sample."""
-        return self.cobs_errors + self.crc_errors + self.oversize + self.malformed
-
 
 def encode_command(command: Command) -> bytes:
     """Return the frame of a command.

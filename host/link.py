@@ -58,11 +58,6 @@ class Link:
         return StreamCounters() if self._decoder is None else self._decoder.counters
 
     @property
-    def damaged_frames(self) -> int:
-        """Frames that arrived but could not be used, whatever was wrong with them; noise is among them."""
-        return self.counters.unusable
-
-    @property
     def problems(self) -> tuple[str, ...]:
         """What a person should be told of the link's traffic, a sentence each."""
         return tuple(getattr(self._decoder, "problems", ()))

@@ -24,7 +24,7 @@ COLUMN_IN = 3.5
 """Width of one column of a two-column paper, inches (89 mm)."""
 
 BLUE, ORANGE, GREEN, VERMILION = "#0072B2", "#E69F00", "#009E73", "#D55E00"
-SKY, PURPLE, GREY, LIGHT, INK = "#56B4E9", "#CC79A7", "#777777", "#CCCCCC", "#222222"
+SKY, GREY, LIGHT, INK = "#56B4E9", "#777777", "#CCCCCC", "#222222"
 """Okabe and Ito's palette: told apart by every kind of colour vision; lightness differs as well, for grey print."""
 
 AXIS_COLOURS = (VERMILION, GREEN, BLUE)

@@ -6,7 +6,9 @@ import struct
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.large_recordings import write_large
 from host.recording.record_runs import MESSAGE_HEAD_BYTES, EvenRun, RecordRuns
+from host.recording.recorded_trial import load_trial
 
 
 def record(kind: int, body: bytes) -> bytes:
@@ -81,3 +83,11 @@ def test_records_that_come_evenly_are_found_up_to_where_they_do_not(seed, beat, 
     block = b"".join(parts)
     block = block[: max(len(block) - cut, 0)]
     assert by_runs(block) == walked(block)
+
+
+def test_the_large_recordings_of_the_benchmarks_are_recordings(tmp_path):
+    path = tmp_path / "large.mcap"
+    assert write_large(path, 3000) == path.stat().st_size
+    trial = load_trial(path)
+    assert trial.damage == ()
+    assert len(trial.series) == trial.losses.produced == 3000
