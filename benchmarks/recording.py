@@ -64,7 +64,7 @@ base = peak()
 start = time.process_time()
 link, n = Link(), 0
 for part in RecordingReader(Path(sys.argv[1])).stretches():
-    items = [item for item, _ in link.feed_stretch(part.data)] if isinstance(part, RawStretch) else link.feed(part)
+    items = link.feed_stretch(part.data).items() if isinstance(part, RawStretch) else link.feed(part)
     n += sum(len(item) for item in items if isinstance(item, OrientationBatch))
 assert link.counters.samples_lost == 0
 highest = peak()

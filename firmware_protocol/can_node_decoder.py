@@ -312,7 +312,7 @@ class NodeDecoder:
         given = records["data"][rows][:, : _WHOLE_DTYPE.itemsize]
         data[:, : given.shape[1]] = given  # eight bytes where somebody sends the id in a classic frame
         fields = data.view(_WHOLE_DTYPE)[:, 0]
-        shaped = (fields["size"] >= _WHOLE_DTYPE.itemsize - 1) & (fields["type"] == PacketType.ORIENTATION)
+        shaped = (fields["size"] >= _WHOLE_DTYPE.itemsize - 1) & (fields["type"] == int(PacketType.ORIENTATION))
         quats, good = quats_from_q15(fields["q"])
         good &= shaped
         self._note_malformed(rows[~good])

@@ -195,6 +195,12 @@ class OrientationBatch:
     def __len__(self) -> int:
         return len(self.sequence)
 
+    def part(self, piece: slice) -> OrientationBatch:
+        """Cut out some of the packets, without copying."""
+        return OrientationBatch(
+            self.sequence[piece], self.device_time_us[piece], self.quats_wxyz[piece], self.flags[piece]
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Status:

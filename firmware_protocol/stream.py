@@ -62,8 +62,31 @@ class ForeignInfo:
 
 StreamItem: TypeAlias = OrientationBatch | Packet | ForeignInfo
 """What a stream is made of; single ORIENTATION packets come as batches only."""
-LocatedItem: TypeAlias = tuple[StreamItem, npt.NDArray[np.int64]]
-"""An item, and where the frames of its packets end."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocatedPackets:
+    """The packets of many reads put end to end, and where in them the delimiter behind each stands."""
+
+    samples: OrientationBatch
+    """All n samples, in wire order."""
+    ends: npt.NDArray[np.int64]
+    """(n,) place of each sample's delimiter."""
+    others: Sequence[tuple[int, Packet | ForeignInfo, int]]
+    """Every other packet, in wire order: before which of the samples it came, the packet, its delimiter."""
+
+    def items(self) -> list[StreamItem]:
+        """Give all packets in wire order; samples with nothing else between them come as one batch."""
+        items: list[StreamItem] = []
+        delivered, n = 0, len(self.samples)
+        for position, packet, _ in self.others:
+            if position > delivered:
+                items.append(self.samples.part(slice(delivered, position)))
+                delivered = position
+            items.append(packet)
+        if n > delivered:
+            items.append(self.samples.part(slice(delivered, n)) if delivered else self.samples)
+        return items
 
 
 @dataclass(frozen=True)
@@ -162,41 +185,21 @@ class StreamDecoder:
                 return self._feed_lone(packet)
         if len(pieces) < BATCH_BYTES:
             return self._feed_few(self._frames.unframe(pieces))
-        return self._feed_many(pieces)[0]
+        return self._feed_many(pieces).items()
 
-    def feed_located(self, data: bytes) -> list[LocatedItem]:
-        """Take many reads put end to end; return what they completed, in wire order, and where each of it ends.
+    def feed_located(self, data: bytes) -> LocatedPackets:
+        """Take many reads put end to end; return what they completed, and where each packet of it ends.
 
-        Packets and counters are those of :meth:`feed`. What comes for each item says which of the reads completed it:
-        it is the place in ``data`` of the delimiter behind the packet.
+        Packets and counters are those of :meth:`feed`. Where a packet's delimiter stands in ``data`` says which of the
+        reads completed it.
 
         Parameters
         ----------
         data : bytes
             Of any length; below some thousand bytes :meth:`feed` is faster.
-
-        Returns
-        -------
-        list of (item, ends)
-            ``ends`` (n,) int64 for a batch of n samples, (1,) for any other packet.
         """
         offset = self._frames.offset_of_next(data)
-        pieces = self._frames.complete(data)
-        if not pieces:
-            return []
-        items, samples, placed = self._feed_many(pieces, located=True)
-        assert samples.ends is not None
-        ends = samples.ends[: samples.n]
-        if placed:
-            ends = np.insert(ends, [position for position, _, _ in placed], [at for _, _, at in placed])
-        ends += offset
-        located: list[LocatedItem] = []
-        start = 0
-        for item in items:
-            stop = start + (len(item) if isinstance(item, OrientationBatch) else 1)
-            located.append((item, ends[start:stop]))
-            start = stop
-        return located
+        return self._feed_many(self._frames.complete(data), offset)
 
     def _feed_lone(self, packet: bytes) -> list[StreamItem]:
         """Decode a packet that came alone, mostly ORIENTATION: what a live read brings."""
@@ -261,20 +264,19 @@ class StreamDecoder:
             np.array(flags, _UINT8),
         )
 
-    def _feed_many(
-        self, pieces: bytes, *, located: bool = False
-    ) -> tuple[list[StreamItem], SampleArrays, list[tuple[int, Packet | ForeignInfo, int]]]:
-        """Decode pieces; return the items, all samples, and the other packets: before which sample, and their end."""
-        samples = SampleArrays(len(pieces), located=located)
+    def _feed_many(self, pieces: bytes, offset: int = 0) -> LocatedPackets:
+        """Decode pieces, which begin at ``offset`` of what the places of their packets are counted from."""
+        samples = SampleArrays(len(pieces))
         placed: list[tuple[int, Packet | ForeignInfo, int]] = []
         start = 0
-        if self._frames.at_start:
+        if self._frames.at_start and pieces:
             start = pieces.index(b"\0") + 1
-            self._place(samples, placed, [(0, packet, start - 1) for packet in self._frames.unframe(pieces[:start])])
+            packets = [(0, packet, offset + start - 1) for packet in self._frames.unframe(pieces[:start])]
+            self._place(samples, placed, packets)
         view = memoryview(pieces)
         while start < len(pieces):
             end = block_end(pieces, start)
-            report = decode_block(view[start:end], samples, start)
+            report = decode_block(view[start:end], samples, offset + start)
             start = end
             self._frames.count(report.pieces)
             self._extended += report.extended
@@ -285,21 +287,14 @@ class StreamDecoder:
                     others.append((position, len(piece) if packet is None else packet, at))
             self._place(samples, placed, others)
         self._samples += samples.n
-        items: list[StreamItem] = []
-        delivered = followed = 0
+        followed = 0
         for position, item, _ in placed:
-            if position > delivered:
-                items.append(samples.batch(delivered, position))
-                delivered = position
             if isinstance(item, Info):
                 self._sequence.feed_array(samples.sequence[followed:position])
                 followed = position
                 self._meet(item)
-            items.append(item)
         self._sequence.feed_array(samples.sequence[followed : samples.n])
-        if samples.n > delivered:
-            items.append(samples.batch(delivered, samples.n))
-        return items, samples, placed
+        return LocatedPackets(samples.batch(), samples.ends[: samples.n], placed)
 
     def _place(
         self,

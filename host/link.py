@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Protocol
 
-import numpy as np
-
-from firmware_protocol.packets import OrientationBatch
-from firmware_protocol.stream import LocatedItem, StreamCounters, StreamDecoder, StreamItem
+from firmware_protocol.stream import LocatedPackets, StreamCounters, StreamDecoder, StreamItem
 from host.transports.chunks import AnyChunk, FrameChunk
 
 COALESCED_BYTES = 65536
@@ -62,6 +59,11 @@ class Link:
         """What a person should be told of the link's traffic, a sentence each."""
         return tuple(getattr(self._decoder, "problems", ()))
 
+    @property
+    def is_of_bytes(self) -> bool:
+        """Whether it began with bytes, or with nothing yet; not with CAN frames."""
+        return self._decoder is None or isinstance(self._decoder, StreamDecoder)
+
     def feed(self, chunk: AnyChunk) -> list[StreamItem]:
         """Decode one chunk; what it completed, in wire order.
 
@@ -77,18 +79,20 @@ class Link:
         self.n_bytes += len(chunk.data)
         return self._decoder.feed(chunk.data)
 
-    def feed_stretch(self, data: bytes) -> list[LocatedItem]:
-        """Decode many chunks of a byte link put end to end; what they completed, and where in them each of it ends."""
+    def feed_stretch(self, data: bytes) -> LocatedPackets:
+        """Decode many chunks of a byte link put end to end; what they completed, and where in them each of it ends.
+
+        Raises
+        ------
+        TypeError
+            Not one of bytes: see :attr:`is_of_bytes`.
+        """
         if self._decoder is None:
             self._decoder = StreamDecoder()
         self.n_bytes += len(data)
-        if isinstance(self._decoder, StreamDecoder):
-            return self._decoder.feed_located(data)
-        # Bytes on what began as a CAN link, which no recording of ours has.
-        items = self._decoder.feed(data)
-        return [
-            (item, np.full(len(item) if isinstance(item, OrientationBatch) else 1, len(data) - 1)) for item in items
-        ]
+        if not isinstance(self._decoder, StreamDecoder):
+            raise TypeError("bytes put end to end are no CAN frames")
+        return self._decoder.feed_located(data)
 
     def take_damage(self) -> list[int]:
         """Tell after how many samples, of all delivered, damaged frames came since the last call; ascending."""

@@ -9,6 +9,7 @@ reset closes the account of a segment and opens the next.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -155,8 +156,13 @@ class LossLedger:
         """Enter frames that arrived damaged, behind all samples so far."""
         self._account.damaged += n
 
-    def feed(self, numbers: IntArray, damaged: IntArray | None = None) -> BoolArray:
-        """Enter samples.
+    def feed(
+        self,
+        numbers: IntArray,
+        damaged: IntArray | None = None,
+        statuses: Sequence[tuple[int, Status]] = (),
+    ) -> BoolArray:
+        """Enter samples, and what STATUS packets among them say.
 
         Parameters
         ----------
@@ -164,32 +170,55 @@ class LossLedger:
             Unwrapped sample numbers in wire order, n >= 1.
         damaged : (n,) int64, optional
             Frames that arrived damaged just before each; none by default.
+        statuses : sequence of (int, Status)
+            STATUS packets in wire order, and before which of the samples each came.
 
         Returns
         -------
         (n,) bool
             False for samples that were here before: they must not be used again.
         """
-        account = self._account
-        if account.first is None:
-            self._open(int(numbers[0]))
         n = len(numbers)
-        last = int(numbers[-1])
-        in_order = last - account.last == n and (n == 1 or (numbers[1:] > numbers[:-1]).all())
-        if in_order and numbers[0] > account.last and damaged is None and not account.damaged + account.spare:
-            account.received += n
-            account.last = last
-            keep = np.ones(n, dtype=np.bool_)
-        else:
-            hits = np.zeros(n, np.int64) if damaged is None else damaged.copy()
-            hits[0] += account.damaged
-            account.damaged = 0
-            keep = self._feed_disturbed(numbers, hits)
-        account.known_end = max(account.known_end, account.last + 1)
-        account.runs.settle(account.last + 1)
+        keep = np.ones(n, dtype=np.bool_)
+        counts_on = damaged is None and self._counts_on(numbers)
+        if not counts_on and not statuses:
+            return self._feed_disturbed(numbers, np.zeros(n, np.int64) if damaged is None else damaged.copy())
+        done = 0
+        for position, status in (*statuses, (n, None)):
+            if counts_on:
+                self._account.received += position - done
+                self._account.last += position - done
+                self._know_of_last()
+            elif position > done:
+                part = slice(done, position)
+                keep[part] = self.feed(numbers[part], None if damaged is None else damaged[part])
+            if status is not None:
+                self.status(status)
+            done = position
         return keep
 
+    def _counts_on(self, numbers: IntArray) -> bool:
+        """Whether every sample follows the one before, as nearly always, and nothing is in doubt."""
+        account, n = self._account, len(numbers)
+        if account.first is None or account.damaged + account.spare or int(numbers[-1]) - account.last != n:
+            return False
+        return bool(numbers[0] > account.last and (n == 1 or (numbers[1:] > numbers[:-1]).all()))
+
+    def _know_of_last(self) -> None:
+        account = self._account
+        account.known_end = max(account.known_end, account.last + 1)
+        account.runs.settle(account.last + 1)
+
     def _feed_disturbed(self, numbers: IntArray, damaged: IntArray) -> BoolArray:
+        if self._account.first is None:
+            self._open(int(numbers[0]))
+        damaged[0] += self._account.damaged
+        self._account.damaged = 0
+        keep = self._enter_each(numbers, damaged)
+        self._know_of_last()
+        return keep
+
+    def _enter_each(self, numbers: IntArray, damaged: IntArray) -> BoolArray:
         account = self._account
         missing = np.diff(numbers, prepend=account.last) - 1
         if account.reordered or (missing < 0).any():

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import copy
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -39,6 +40,17 @@ CROWDED_NS = 2_000_000_000
 CROWDED = "two objects send on this line at once (or one that starts again and again): its samples are left out"
 CONTINUES_WITHIN = 0.1
 """After a step of the device clock the numbers count on if they fit the host's time to this share (or 64 samples)."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimedStatus:
+    """A STATUS among samples."""
+
+    position: int
+    """Before which of them it came."""
+    status: Status
+    host_time_ns: int
+    """Reception of its chunk, monotonic."""
 
 
 class SampleAssembler:
@@ -141,15 +153,19 @@ class SampleAssembler:
         """
         self._damage.extend(places)
 
-    def feed_run(self, batch: OrientationBatch, host_time_ns: IntArray) -> SampleBlock | None:
+    def feed_run(
+        self, batch: OrientationBatch, host_time_ns: IntArray, statuses: Sequence[TimedStatus] = ()
+    ) -> SampleBlock | None:
         """Take the samples of many chunks at once, where nothing about them is in doubt.
 
         Parameters
         ----------
         batch : OrientationBatch
-            n >= 1 samples in wire order, no other packet between them.
+            n >= 1 samples in wire order.
         host_time_ns : (n,) int64
             Reception of each sample's chunk.
+        statuses : sequence of TimedStatus
+            The STATUS packets among them, in wire order; no other packet was.
 
         Returns
         -------
@@ -159,11 +175,19 @@ class SampleAssembler:
         """
         if self._held is not None or self.foreign or self._open_reason is not None or self._steps_back(batch):
             return None
+        # An object that has said who it is answers for its STATUS: see _is_anothers.
+        if self.info is not None and not all(
+            self._clock.is_plain(item.status.uptime_us, item.host_time_ns) for item in statuses
+        ):
+            return None
         times_us = self._clock.feed_many(batch.device_time_us, host_time_ns)
         if times_us is None:
             return None
         self._n_given += len(batch)
-        return self._feed_piece(batch, times_us, slice(None), int(host_time_ns[-1]))
+        if statuses:
+            self.status = statuses[-1].status
+        among = [(item.position, item.status) for item in statuses]
+        return self._feed_piece(batch, times_us, slice(None), int(host_time_ns[-1]), among)
 
     def _feed_item(self, item: StreamItem, host_time_ns: int) -> list[SampleBlock]:
         if isinstance(item, OrientationBatch):
@@ -276,9 +300,9 @@ class SampleAssembler:
 
     def _doubt(self, batch: OrientationBatch, index: int, host_time_ns: int) -> list[SampleBlock]:
         """Hold back what comes from ``index`` on, where the clock jumps: it may be another object's."""
-        blocks = self._feed_batch(_batch_piece(batch, slice(0, index)), host_time_ns)
+        blocks = self._feed_batch(batch.part(slice(0, index)), host_time_ns)
         self._begin_hold(doubts_clock=True)
-        return blocks + self._hold(_batch_piece(batch, slice(index, None)), host_time_ns)
+        return blocks + self._hold(batch.part(slice(index, None)), host_time_ns)
 
     def _steps_back(self, batch: OrientationBatch) -> list[int]:
         """Find samples that are newer by their number than the one before, but older by the device clock.
@@ -320,7 +344,14 @@ class SampleAssembler:
         if self._open_reason is None:
             self._open_reason = reason
 
-    def _feed_piece(self, batch: OrientationBatch, times_us: IntArray, piece: slice, host_time_ns: int) -> SampleBlock:
+    def _feed_piece(
+        self,
+        batch: OrientationBatch,
+        times_us: IntArray,
+        piece: slice,
+        host_time_ns: int,
+        statuses: Sequence[tuple[int, Status]] = (),
+    ) -> SampleBlock:
         times_us = times_us[piece]
         expected = self.ledger.expected_start()
         if expected is not None:
@@ -330,7 +361,7 @@ class SampleAssembler:
             self._open_segment(int(times_us[0]), int(numbers[0]), host_time_ns)
         last = (len(batch) if piece.stop is None else piece.stop) - 1
         self._newest = int(batch.sequence[last]), int(batch.device_time_us[last])
-        keep = self.ledger.feed(numbers, self._damaged_before(len(numbers)))
+        keep = self.ledger.feed(numbers, self._damaged_before(len(numbers)), statuses)
         time_s = self._offset_s + (times_us - self._origin_us) / 1e6
         self._newest_s = max(self._newest_s, float(time_s.max()))
         self._newest_host_ns = host_time_ns
@@ -361,9 +392,3 @@ class SampleAssembler:
         self._origin_us = time_us
         self.segments.append(SegmentStart(self._segment, self._offset_s, host_time_ns, self._open_reason))
         self._open_reason = None
-
-
-def _batch_piece(batch: OrientationBatch, piece: slice) -> OrientationBatch:
-    return OrientationBatch(
-        batch.sequence[piece], batch.device_time_us[piece], batch.quats_wxyz[piece], batch.flags[piece]
-    )

@@ -232,6 +232,21 @@ class ClockUnwrapper:
         unwrapped_us = top_us - (top_us - device_time_us) % DEVICE_CLOCK_MODULUS_US
         return unwrapped_us if unwrapped_us >= prediction_us - late_us else None
 
+    def is_plain(self, device_time_us: int, host_time_ns: int) -> bool:
+        """Whether :meth:`locate` places a reading now, and still does after anything that :meth:`feed_many` takes.
+
+        Parameters
+        ----------
+        device_time_us, host_time_ns
+            As for :meth:`locate`.
+        """
+        prediction_us = int(1e-3 * host_time_ns - self._delay_us)
+        half = DEVICE_CLOCK_MODULUS_US // 2
+        away_us = (device_time_us - prediction_us + half) % DEVICE_CLOCK_MODULUS_US - half
+        # What feed_many takes moves the prediction by no more than half of what is explained.
+        bound_us = 0.25e6 * min(self.settings.max_ahead_s, self.settings.max_latency_s)
+        return self._has_reference and abs(away_us) <= bound_us
+
     def _window(self, host_time_ns: int) -> tuple[int, int, int]:
         """Return the prediction, and how far ahead of it and behind it a reading is explained, all us."""
         settings = self.settings

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -111,7 +112,12 @@ class RecordingReader:
         self._continuation = continuation
         self._channels: dict[int, str] = {}
         self._headless = False
+        self._size = self._given_bytes = 0
         self.header = self._read_header()
+
+    def share_read(self) -> float:
+        """Tell which share of the file has been given, at least: what is read and not yet given does not count."""
+        return self._given_bytes / max(self._size, 1)
 
     def chunks(self, topic: str = fmt.RECEIVED) -> Iterator[AnyChunk]:
         """Give what the link delivered, in order, each with its time of reception."""
@@ -245,6 +251,8 @@ class RecordingReader:
         continuation = io.BytesIO(self._continuation)
         buffer = memoryview(bytearray(block_bytes))
         kept = 0  # bytes at its begin, of a record begun
+        self._size = os.fstat(file.fileno()).st_size + len(self._continuation)
+        self._given_bytes = 0
         while True:
             if kept > block_bytes // 2:  # a record that hardly fits, or does not
                 buffer = memoryview(bytearray(bytes(buffer[:kept]) + bytes(max(kept, block_bytes))))
@@ -275,6 +283,7 @@ class RecordingReader:
                     yield from ((kind, body, None) for kind, body in self._chunk_records(body))
                 else:
                     yield kind, body, None
+            self._given_bytes += offset
             kept = len(view) - offset
             buffer[:kept] = bytes(view[offset:])
             if not n_read:

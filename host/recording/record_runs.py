@@ -17,6 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from mcap.opcode import Opcode
 
+from host.recording.row_checksums import overlapping
+
 IntArray = npt.NDArray[np.int64]
 
 LONGEST_BYTES = 2**24
@@ -28,6 +30,10 @@ LONGEST_BEAT = 64
 WORTHWHILE = 500
 """Shorter runs of them are left to the search for every start."""
 _HEAD = struct.Struct("<BQH")
+_MESSAGE = int(Opcode.MESSAGE)  # with the enum, bytes are compared as wide integers
+_HEAD_DTYPE = np.dtype(
+    {"names": ["length", "channel"], "formats": ["<i8", "<u2"], "offsets": [1, 9], "itemsize": _HEAD.size}
+)
 MESSAGE_HEAD_BYTES = 22
 """Channel u16, sequence u32, log time u64, publish time u64."""
 
@@ -54,9 +60,10 @@ class MessageRun:
 
     def where(self, which: npt.NDArray[np.bool_]) -> MessageRun:
         """Give some of them."""
-        if which.all():
+        places = np.flatnonzero(which)
+        if len(places) == len(which):
             return self
-        return MessageRun(self.starts[which], self.ends[which], self.channels[which])
+        return MessageRun(self.starts.take(places), self.ends.take(places), self.channels.take(places))
 
     def places(self) -> Iterator[tuple[int, int, int]]:
         """Give channel, start and end of them, one by one."""
@@ -90,12 +97,6 @@ class EvenRun:
             (beats + self.beat.ends).ravel(),
             np.tile(self.beat.channels, self.n_beats),
         )
-
-
-def _numbers(block: memoryview, dtype: str, offset: int) -> npt.NDArray[np.unsignedinteger]:
-    """See a block as numbers that begin at every byte from ``offset`` on."""
-    n = len(block) - offset - np.dtype(dtype).itemsize + 1
-    return np.ndarray((max(n, 0),), dtype, block, offset if n > 0 else 0, strides=(1,))
 
 
 def on_channels(channels: IntArray, ids: Iterable[int]) -> npt.NDArray[np.bool_]:
@@ -164,15 +165,18 @@ class _LinkedRecords:
     def __init__(self, block: memoryview, offset: int) -> None:
         block = block[offset:]
         data = np.frombuffer(block, np.uint8)
-        starts = np.flatnonzero(data[: max(len(data) - HEAD_BYTES - MESSAGE_HEAD_BYTES + 1, 0)] == Opcode.MESSAGE)
-        lengths = _numbers(block, "<u8", 1)[starts].astype(np.int64)  # impossible ones come out negative, or too long
-        ends = starts + HEAD_BYTES + lengths
-        whole = (lengths >= MESSAGE_HEAD_BYTES) & (lengths < LONGEST_BYTES) & (ends <= len(data))
-        starts, ends = starts[whole], ends[whole]
-        self._channels = _numbers(block, "<u2", HEAD_BYTES)[starts].astype(np.int64)
-        self._starts, self._ends = starts + offset, ends + offset
+        starts = np.flatnonzero(data[: max(len(data) - HEAD_BYTES - MESSAGE_HEAD_BYTES + 1, 0)] == _MESSAGE)
+        heads = overlapping(block, _HEAD.size)[starts].view(_HEAD_DTYPE)
+        lengths = heads["length"]  # impossible ones are negative, or too long
+        ends = lengths + HEAD_BYTES
+        ends += starts
+        whole = np.flatnonzero((lengths >= MESSAGE_HEAD_BYTES) & (lengths < LONGEST_BYTES) & (ends <= len(data)))
+        self._starts, self._ends = starts.take(whole), ends.take(whole)
+        self._channels = heads["channel"].take(whole).astype(np.int64)
+        self._starts += offset
+        self._ends += offset
         linked = self._starts[1:] == self._ends[:-1]
-        breaks = np.append(np.flatnonzero(~linked), len(starts) - 1) if len(starts) else np.empty(0, np.int64)
+        breaks = np.append(np.flatnonzero(~linked), len(whole) - 1) if len(whole) else np.empty(0, np.int64)
         following = np.searchsorted(self._starts, self._ends[breaks])
         self._breaks, self._following = breaks.tolist(), following.tolist()
 
@@ -187,4 +191,6 @@ class _LinkedRecords:
         if not parts:
             return None
         columns = (self._starts, self._ends, self._channels)
+        if len(parts) == 1:
+            return MessageRun(*(column[parts[0]] for column in columns))
         return MessageRun(*(np.concatenate([column[part] for part in parts]) for column in columns))

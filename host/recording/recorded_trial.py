@@ -74,6 +74,7 @@ def assemble(
     source: str,
     node: int | None = None,
     trips: RecordedRoundTrips | None = None,
+    share: Callable[[], float] = lambda: 0.0,
 ) -> RecordedTrial:
     """Turn raw chunks into a trial.
 
@@ -87,8 +88,10 @@ def assemble(
         Node id of the object on a bus; by default the first that is heard.
     trips : RecordedRoundTrips, optional
         Told what was sent while the chunks are taken: it bounds the clock's offset.
+    share : callable, optional
+        Tells which share of ``delivered`` has been given, at least; 0 where that is not known.
     """
-    assembly = TrialAssembly(node, trips)
+    assembly = TrialAssembly(node, trips, share)
     assembly.feed(delivered)
     assembly.finish()
     assembler, arrivals, round_trips = assembly.assembler, assembly.arrivals, assembly.trips.round_trips()
@@ -134,7 +137,7 @@ def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
     reader = RecordingReader(path, continuation)
     actions: list[OperatorAction] = []
     trips = RecordedRoundTrips()
-    trial = assemble(_delivered(reader, actions, trips), path.name, _node(reader.header), trips)
+    trial = assemble(_delivered(reader, actions, trips), path.name, _node(reader.header), trips, reader.share_read)
     return replace(trial, actions=tuple(actions), damage=tuple(reader.damage), header=reader.header)
 
 

@@ -6,8 +6,8 @@ samples, segments and losses that the capture had.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ from host.recording.raw_stretch import RawStretch
 from host.recording.round_trips import RecordedRoundTrips
 from host.recording.sample_arrivals import SampleArrivals
 from host.sample_series import SampleGatherer
-from host.samples import SampleAssembler
+from host.samples import SampleAssembler, TimedStatus
 from host.transports.chunks import AnyChunk, FrameChunk
 
 IntArray = npt.NDArray[np.int64]
@@ -45,6 +45,18 @@ class TimedEvent:
     value: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _PlacedSamples:
+    """n samples, and which chunk of a stretch completed each."""
+
+    batch: OrientationBatch
+    places: IntArray  # (n,) of the chunks
+    times_ns: IntArray  # (n,) their reception
+
+    def part(self, piece: slice) -> _PlacedSamples:
+        return _PlacedSamples(self.batch.part(piece), self.places[piece], self.times_ns[piece])
+
+
 class TrialAssembly:
     """Takes what a link delivered, in order, and gathers what a score needs.
 
@@ -54,14 +66,21 @@ class TrialAssembly:
         Node id of the object on a bus; by default the first that is heard.
     trips : RecordedRoundTrips, optional
         Told what was sent; is told the answers.
+    share : callable, optional
+        Tells which share of what was delivered has been fed, at least; 0 where that is not known.
     """
 
-    def __init__(self, node: int | None = None, trips: RecordedRoundTrips | None = None) -> None:
+    def __init__(
+        self,
+        node: int | None = None,
+        trips: RecordedRoundTrips | None = None,
+        share: Callable[[], float] = lambda: 0.0,
+    ) -> None:
         self.link = Link(node=node)
         self.assembler = SampleAssembler(LossLedger(MAX_RUNS))
         self.arrivals = SampleArrivals()
         self.trips = trips or RecordedRoundTrips()
-        self.samples = SampleGatherer()
+        self.samples = SampleGatherer(share)
         self.events: list[TimedEvent] = []
         self.temperatures_c: list[float] = []
         self.reopened = 0
@@ -71,10 +90,12 @@ class TrialAssembly:
     def feed(self, delivered: Iterable[RawStretch | AnyChunk]) -> None:
         """Take all that was delivered."""
         for item in _joined(delivered):
-            if isinstance(item, RawStretch):
-                self._feed_stretch(item)
-            else:
+            if not isinstance(item, RawStretch):
                 self._feed_chunks(item)
+            elif self.link.is_of_bytes:
+                self._feed_stretch(item)
+            else:  # bytes on what began as a CAN link, which no recording of ours has
+                self._feed_chunks([*item.chunks()])
 
     def finish(self) -> None:
         """Take what the link still holds: nothing follows."""
@@ -85,50 +106,69 @@ class TrialAssembly:
         self.samples.add(self.assembler.release())
 
     def _feed_stretch(self, stretch: RawStretch) -> None:
-        located = self.link.feed_stretch(stretch.data)
+        packets = self.link.feed_stretch(stretch.data)
         self.assembler.damaged(self.link.take_damage())
-        stop = 0
-        all_places = _places(stretch.stops, [ends for _, ends in located])
-        for item, ends in located:
-            start, stop = stop, stop + len(ends)
-            if not isinstance(item, OrientationBatch):
-                time_ns = stretch.host_time_ns[all_places[start:stop]]
-                self.arrivals.feed(item, time_ns)
-                self._feed_other(item, int(time_ns[0]))
-                continue
-            for first in range(start, stop, PART_SAMPLES):
-                last = min(first + PART_SAMPLES, stop)
-                batch = item if last - first == len(item) else _part(item, slice(first - start, last - start))
-                places = all_places[first:last]
-                times_ns = stretch.host_time_ns[places]
-                self.arrivals.feed(batch, times_ns)
-                self._feed_samples(batch, places, times_ns)
+        samples = _PlacedSamples(packets.samples, *_arrivals(stretch, packets.ends))
+        _, times_ns = _arrivals(stretch, np.array([end for _, _, end in packets.others], dtype=np.int64))
+        start, statuses = 0, list[TimedStatus]()
+        for (position, packet, _), time_ns in zip(packets.others, times_ns.tolist(), strict=True):
+            if isinstance(packet, TimeReply):
+                self.trips.feed(packet, time_ns)
+            elif isinstance(packet, Status):
+                statuses.append(TimedStatus(position, packet, time_ns))
+                self._note_temperature(packet)
+            else:
+                self._feed_parts(samples, start, position, statuses)
+                start, statuses = position, []
+                self.arrivals.feed(packet, stretch.host_time_ns[:0])
+                self._feed_other(packet, time_ns)
+        self._feed_parts(samples, start, len(packets.samples), statuses)
         self._waiting.clear()
         self._heard_ns = int(stretch.host_time_ns[-1])
 
-    def _feed_samples(self, batch: OrientationBatch, places: IntArray, times_ns: IntArray) -> None:
-        """Feed samples whose chunks are told by ``places``: together, or where that cannot be done in halves."""
-        block = self.assembler.feed_run(batch, times_ns)
+    def _feed_parts(self, samples: _PlacedSamples, start: int, stop: int, statuses: list[TimedStatus]) -> None:
+        """Feed samples and the STATUS packets among them, so many at a time."""
+        for first in range(start, max(stop, start + 1), PART_SAMPLES):
+            last = min(first + PART_SAMPLES, stop)
+            among = [item for item in statuses if first < item.position <= last or item.position == first == start]
+            part = samples.part(slice(first, last))
+            if last > first:
+                self.arrivals.feed(part.batch, part.times_ns)
+            self._feed_samples(part, [replace(item, position=item.position - first) for item in among])
+
+    def _feed_samples(self, samples: _PlacedSamples, statuses: list[TimedStatus]) -> None:
+        """Feed samples and the STATUS packets among them: together, or where that cannot be done in halves."""
+        batch, places, times_ns = samples.batch, samples.places, samples.times_ns
+        block = self.assembler.feed_run(batch, times_ns, statuses) if len(batch) else None
         if block is not None:
             if len(block):
                 self.samples.add([block])
-        elif places[0] == places[-1]:
+        elif statuses:
+            middle = len(statuses) // 2
+            status, at = statuses[middle], statuses[middle].position
+            self._feed_samples(samples.part(slice(0, at)), statuses[:middle])
+            self.samples.add(self.assembler.feed([status.status], status.host_time_ns))
+            after = [replace(item, position=item.position - at) for item in statuses[middle + 1 :]]
+            self._feed_samples(samples.part(slice(at, None)), after)
+        elif len(batch) and places[0] == places[-1]:
             self.samples.add(self.assembler.feed([batch], int(times_ns[0])))
             self._locate_waiting()
-        else:
+        elif len(batch):
             half = int(np.searchsorted(places, (places[0] + places[-1]) // 2, side="right"))
-            for part in (slice(0, half), slice(half, len(places))):
-                self._feed_samples(_part(batch, part), places[part], times_ns[part])
+            for part in (slice(0, half), slice(half, None)):
+                self._feed_samples(samples.part(part), [])
 
     def _feed_other(self, item: StreamItem, host_time_ns: int) -> None:
         self.samples.add(self.assembler.feed([item], host_time_ns))
         if isinstance(item, Event):
             self._waiting.append((item, host_time_ns))
             self._locate_waiting()
-        elif isinstance(item, Status) and len(self.temperatures_c) < MAX_EVENTS:
-            self.temperatures_c.append(item.temperature_c)
-        elif isinstance(item, TimeReply):
-            self.trips.feed(item, host_time_ns)
+        elif isinstance(item, Status):
+            self._note_temperature(item)
+
+    def _note_temperature(self, status: Status) -> None:
+        if len(self.temperatures_c) < MAX_EVENTS:
+            self.temperatures_c.append(status.temperature_c)
 
     def _locate_waiting(self) -> None:
         """Place events on the time axis; those before the first sample of a segment wait for it."""
@@ -164,24 +204,18 @@ class TrialAssembly:
             self.reopened += 1
 
 
-def _places(stops: IntArray, parts: list[IntArray]) -> IntArray:
-    """Tell in which chunk each packet ends: the first whose stop is behind it. Stops and ends ascend."""
-    if not parts:
-        return np.empty(0, np.int64)
-    ends = np.concatenate(parts)
+def _arrivals(stretch: RawStretch, ends: IntArray) -> tuple[IntArray, IntArray]:
+    """Tell in which chunk each packet ends (the first whose stop is behind it), and when it came. Ends ascend."""
+    if not len(ends):
+        return ends, ends
+    stops = stretch.stops
     first, last = np.searchsorted(stops, ends[[0, -1]], side="right").tolist()
     if last - first >= len(ends):
-        found: IntArray = np.searchsorted(stops, ends, side="right")
-        return found
-    # Fewer chunks than packets: look up the chunks.
-    bounds = np.searchsorted(ends, stops[first:last])
-    counts = np.diff(bounds, prepend=0, append=len(ends))
-    repeated: IntArray = np.repeat(np.arange(first, last + 1), counts)
-    return repeated
-
-
-def _part(batch: OrientationBatch, part: slice) -> OrientationBatch:
-    return OrientationBatch(batch.sequence[part], batch.device_time_us[part], batch.quats_wxyz[part], batch.flags[part])
+        places: IntArray = np.searchsorted(stops, ends, side="right")
+    else:  # fewer chunks than packets: look up the chunks
+        bounds = np.searchsorted(ends, stops[first:last])
+        places = np.repeat(np.arange(first, last + 1), np.diff(bounds, prepend=0, append=len(ends)))
+    return places, stretch.host_time_ns[places]
 
 
 def _joined(delivered: Iterable[RawStretch | AnyChunk]) -> Iterator[RawStretch | list[AnyChunk]]:

@@ -124,10 +124,13 @@ def test_the_place_of_every_packet_is_that_of_its_delimiter(seed, size):
             expected.append((at, describe(item, 0)))
     located, found = StreamDecoder(), []
     for start in range(0, len(data), size):
-        for item, ends in located.feed_located(bytes(data[start : start + size])):
-            n = len(item) if isinstance(item, OrientationBatch) else 1
-            assert ends.shape == (n,)
-            found += [(start + end, describe(item, k)) for k, end in enumerate(ends.tolist())]
+        packets = located.feed_located(bytes(data[start : start + size]))
+        ends, others = packets.ends.tolist(), {id(packet): end for _, packet, end in packets.others}
+        for item in packets.items():
+            if isinstance(item, OrientationBatch):
+                found += [(start + ends.pop(0), describe(item, k)) for k in range(len(item))]
+            else:
+                found.append((start + others[id(item)], describe(item, 0)))
     assert found == expected
     assert located.counters == single.counters
 

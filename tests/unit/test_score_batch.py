@@ -36,7 +36,7 @@ def test_an_interrupt_ends_the_processes(monkeypatch):
 
     with pytest.raises(KeyboardInterrupt):
         batch.score_many([Path(name) for name in ("first.csv", "b.csv", "c.csv")], interrupted, workers=2)
-    assert active_children() == others
+    assert not set(active_children()) - set(others)
     assert signal.getsignal(signal.SIGINT) != signal.SIG_IGN
 
 
