@@ -40,10 +40,11 @@ def vector_autocorrelation(omega: FloatArray, max_lag: int) -> FloatArray:
 
     m = len(omega)
     size = fft.next_fast_len(m + max_lag + 1, real=True)
-    total = np.zeros(max_lag + 1)
+    power = np.zeros(size // 2 + 1)
     for axis in range(3):
         spectrum = fft.rfft(omega[:, axis], size)
-        total += fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: max_lag + 1]
+        power += spectrum.real**2 + spectrum.imag**2
+    total = fft.irfft(power, size)[: max_lag + 1]
     energy = np.concatenate(([0.0], np.cumsum(np.einsum("ij,ij->i", omega, omega))))
     lags = np.arange(max_lag + 1)
     norm = np.sqrt(energy[m - lags] * (energy[m] - energy[lags]))

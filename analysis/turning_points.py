@@ -136,14 +136,12 @@ def dwell(angle: FloatArray, point: int, first: int, last: int, depth: float) ->
     """
     away = np.abs(angle[first : last + 1] - angle[point])
     middle = point - first
-    outside = np.flatnonzero(away > depth)
-    after = outside[np.searchsorted(outside, middle) :]
-    before = outside[: np.searchsorted(outside, middle)]
+    outside = away > depth  # never at the extreme itself
     start, end = float(first), float(last)
-    if len(before):
-        k = int(before[-1])
+    k = middle - int(np.argmax(outside[middle::-1]))
+    if outside[k]:
         start = first + k + (away[k] - depth) / (away[k] - away[k + 1])
-    if len(after):
-        k = int(after[0])
+    k = middle + int(np.argmax(outside[middle:]))
+    if outside[k]:
         end = first + k - (away[k] - depth) / (away[k] - away[k - 1])
     return start, end

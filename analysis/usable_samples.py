@@ -19,6 +19,7 @@ MIN_OUTLIER_RAD = 0.5 * np.pi / 180.0
 OUTLIER_FACTOR = 5.0
 """And by this many times the steps before and after these."""
 
+_BLOCK = 8192  # neighbours compared together: stays in the cache
 _GROUP = 256  # moments averaged together
 _MAX_TRIPLES = 20_000  # their median is good to a hundredth
 
@@ -44,8 +45,9 @@ class Samples:
     def of(series: OrientationSeries) -> Samples:
         """Take the usable samples of a recording of any length."""
         samples = (series.times_s, series.quats_wxyz, series.index)
-        single = np.diff(series.times_s, prepend=-np.inf) >= MIN_STEP_S
+        single = np.diff(series.times_s) >= MIN_STEP_S
         if not single.all():
+            single = np.concatenate(([True], single))
             samples = (samples[0][single], samples[1][single], samples[2][single])
         outliers = lone_outliers(samples[1])
         if len(outliers):
@@ -53,7 +55,7 @@ class Samples:
             kept[outliers] = False
             samples = (samples[0][kept], samples[1][kept], samples[2][kept])
         times_s, quats, index = samples
-        step_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else float("nan")
+        step_s = float(np.median(np.diff(times_s), overwrite_input=True)) if len(times_s) > 1 else float("nan")
         return Samples(times_s, quats, index, step_s, sample_noise_rad(quats), len(outliers))
 
     def brackets_s(self, moments_s: FloatArray) -> FloatArray:
@@ -127,7 +129,11 @@ def lone_outliers(quats_wxyz: FloatArray) -> IntArray:
     -------
     (k,) places, increasing.
     """
-    far = np.abs(np.einsum("ij,ij->i", quats_wxyz[1:], quats_wxyz[:-1])) < np.cos(0.5 * MIN_OUTLIER_RAD)
+    far = np.empty(max(len(quats_wxyz) - 1, 0), dtype=np.bool_)
+    for first in range(0, len(far), _BLOCK):
+        last = min(first + _BLOCK, len(far))
+        cosines = np.einsum("ij,ij->i", quats_wxyz[first + 1 : last + 1], quats_wxyz[first:last])
+        np.less(np.abs(cosines, out=cosines), np.cos(0.5 * MIN_OUTLIER_RAD), out=far[first:last])
     places = 1 + np.flatnonzero(far[1:] & far[:-1])
     places = places[(places >= 3) & (places < len(quats_wxyz) - 3)]
     if len(places) == 0:

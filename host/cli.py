@@ -79,6 +79,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
+    # Read when numpy is first imported: nothing here gains from several threads, and idle ones spin for a while.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _make_output_safe()
     at_terminal = _at_terminal()
     try:

@@ -30,7 +30,14 @@ class CycleLosses:
     def to_json(self) -> dict[str, int]:
         """Turn into plain values, with what follows from them."""
         lost = self.missing - self.rejected - self.dropped_by_device
-        return asdict(self) | {"received": self.produced - self.missing, "lost": lost}
+        return {
+            "produced": self.produced,
+            "missing": self.missing,
+            "rejected": self.rejected,
+            "dropped_by_device": self.dropped_by_device,
+            "received": self.produced - self.missing,
+            "lost": lost,
+        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -259,7 +259,7 @@ class RecordingReader:
             n_read = file.readinto(buffer[kept:]) or continuation.readinto(buffer[kept:])
             view = buffer[: kept + n_read]
             offset = 0
-            runs = RecordRuns(view)
+            runs = RecordRuns(view, self._channels)
             while len(view) - offset >= _FRAME.size:
                 run = runs.at(offset)
                 if run is not None:

@@ -114,19 +114,24 @@ class RecordRuns:
     ----------
     block : buffer
         Bytes of a file; where in it a record starts is for the caller to know.
+    known : collection of int
+        Ids of the channels met so far, which may grow: there are few, and little else that looks like a start has one.
     """
 
-    def __init__(self, block: memoryview) -> None:
+    def __init__(self, block: memoryview, known: Collection[int]) -> None:
         self._block = block
+        self._known = known
         self._linked: _LinkedRecords | None = None
 
     def at(self, offset: int) -> MessageRun | EvenRun | None:
         """Return the run that begins with the record at an offset; None where that is no whole message."""
+        if self._block[offset] != _MESSAGE:
+            return None
         if self._linked is None:
             run = _even_run(self._block, offset)
             if run is not None:
                 return run
-            self._linked = _LinkedRecords(self._block, offset)
+            self._linked = _LinkedRecords(self._block, offset, max(self._known, default=-1))
         return self._linked.at(offset)
 
 
@@ -162,7 +167,7 @@ def _even_run(block: memoryview, offset: int) -> EvenRun | None:
 class _LinkedRecords:
     """Every place in a block, from an offset on, that can be the start of a message, linked to the next."""
 
-    def __init__(self, block: memoryview, offset: int) -> None:
+    def __init__(self, block: memoryview, offset: int, last_channel: int) -> None:
         block = block[offset:]
         data = np.frombuffer(block, np.uint8)
         starts = np.flatnonzero(data[: max(len(data) - HEAD_BYTES - MESSAGE_HEAD_BYTES + 1, 0)] == _MESSAGE)
@@ -170,7 +175,8 @@ class _LinkedRecords:
         lengths = heads["length"]  # impossible ones are negative, or too long
         ends = lengths + HEAD_BYTES
         ends += starts
-        whole = np.flatnonzero((lengths >= MESSAGE_HEAD_BYTES) & (lengths < LONGEST_BYTES) & (ends <= len(data)))
+        whole = (lengths >= MESSAGE_HEAD_BYTES) & (lengths < LONGEST_BYTES) & (ends <= len(data))
+        whole = np.flatnonzero(whole & (heads["channel"] <= last_channel))
         self._starts, self._ends = starts.take(whole), ends.take(whole)
         self._channels = heads["channel"].take(whole).astype(np.int64)
         self._starts += offset

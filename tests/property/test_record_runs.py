@@ -15,22 +15,23 @@ def record(kind: int, body: bytes) -> bytes:
     return struct.pack("<BQ", kind, len(body)) + body
 
 
-def walked(block: bytes, offset: int = 0) -> list[tuple[int, int, int]]:
-    """Whole messages by the definition: start, end, channel; None for the others."""
+def walked(block: bytes, last_channel: int = 2**16 - 1) -> list[tuple[int, int, int]]:
+    """Whole messages by the definition: start, end, channel; None for the others, and for channels not known."""
     found = []
+    offset = 0
     while len(block) - offset >= 9:
         kind, length = struct.unpack_from("<BQ", block, offset)
         end = offset + 9 + length
         if end > len(block):
             break
         channel = struct.unpack_from("<H", block, offset + 9)[0] if kind == 5 and length >= MESSAGE_HEAD_BYTES else None
-        found.append((offset, end, channel))
+        found.append((offset, end, None if channel is None or channel > last_channel else channel))
         offset = end
     return found
 
 
-def by_runs(block: bytes) -> list[tuple[int, int, int]]:
-    runs = RecordRuns(memoryview(block))
+def by_runs(block: bytes, last_channel: int = 2**16 - 1) -> list[tuple[int, int, int]]:
+    runs = RecordRuns(memoryview(block), [1, last_channel])
     found = []
     offset = 0
     while len(block) - offset >= 9:
@@ -48,9 +49,11 @@ def by_runs(block: bytes) -> list[tuple[int, int, int]]:
     return found
 
 
-@given(seed=st.integers(0, 2**32), n=st.integers(0, 60), cut=st.integers(0, 200))
-@settings(derandomize=True, deadline=None, max_examples=150)
-def test_runs_are_the_records_that_walking_finds(seed, n, cut):
+@given(
+    seed=st.integers(0, 2**32), n=st.integers(0, 60), cut=st.integers(0, 200), last=st.sampled_from([2**16 - 1, 300, 1])
+)
+@settings(derandomize=True, deadline=None, max_examples=200)
+def test_runs_are_the_records_that_walking_finds(seed, n, cut, last):
     rng = random.Random(seed)
     parts = []
     for _ in range(n):
@@ -61,7 +64,7 @@ def test_runs_are_the_records_that_walking_finds(seed, n, cut):
         parts.append(record(kind, rng.choice([head + payload, head, payload[:21], b""])))
     block = b"".join(parts)
     block = block[: max(len(block) - cut, 0)]
-    assert by_runs(block) == walked(block)
+    assert by_runs(block, last) == walked(block, last)
 
 
 def test_a_message_of_many_megabytes_is_left_to_the_walk():
