@@ -76,7 +76,7 @@ class Motion:
         Dropping the object or putting it in place is often faster than any cycle. Uncut, one such stroke outweighs a
         whole slow trial in every sum over ω².
         """
-        speed = np.linalg.norm(self.omega, axis=1)
+        speed = rotations.row_lengths(self.omega)
         moving = speed[self.speed > self.threshold]
         limit = factor * float(np.median(moving if len(moving) else speed)) if len(speed) else 0.0
         if limit <= 0.0 or speed.max() <= limit:
@@ -120,11 +120,11 @@ def angular_velocity(samples: Samples, *, rate_hz: float, sigma_s: float, moving
         first, last = max(start - margin, 0), min(stop + 1 + margin, count)
         grid = _resample(times_s, quats, times_s[0] + np.arange(first, last) / rate_hz)
         smooth = _gaussian(rotations.continuous_signs(grid), sigma_s * rate_hz)
-        smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
+        smooth /= rotations.row_lengths(smooth)[:, None]
         steps = rotations.log(rotations.difference(smooth[1:], smooth[:-1])) * rate_hz
         omega[start:stop] = steps[start - first : stop - first]
     steady = _gaussian(omega, _NOISE_SIGMA_S * rate_hz)  # hours of noise at rest must not outweigh a minute of motion
-    speed = _gaussian(np.linalg.norm(steady, axis=1), _SPEED_SIGMA_S * rate_hz)
+    speed = _gaussian(rotations.row_lengths(steady), _SPEED_SIGMA_S * rate_hz)
     return Motion(float(times_s[0]), rate_hz, omega, speed, _MIN_SPEED).with_moving_share(moving_share)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.angular_velocity import Motion
+from analysis.rotations import row_lengths
 from analysis.series import FloatArray
 
 _PHASES = 48
@@ -76,7 +77,7 @@ def rests(motion: Motion, period_s: float) -> tuple[float, float]:
     period_s
         Length of a cycle, s.
     """
-    speed = np.linalg.norm(motion.omega, axis=1)
+    speed = row_lengths(motion.omega)
     level = 0.1 * np.sqrt((speed**3).sum() / max(float(speed.sum()), 1e-300))
     edges = np.diff(np.concatenate(([False], speed < level, [False])).astype(np.int8))
     length_s = (np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)) / motion.rate_hz

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.angular_velocity import Motion
+from analysis.rotations import row_lengths
 from analysis.series import FloatArray, IntArray
 from analysis.turning_points import TurningPoints
 
@@ -34,8 +35,8 @@ def axis_speeds(motion: Motion, angle: FloatArray, speed_limit: float) -> FloatA
     (m, 2) rad/s.
     """
     along = np.diff(angle) * motion.rate_hz
-    speed = np.linalg.norm(motion.omega, axis=1)
-    limited = np.linalg.norm(motion.limited(speed_limit).omega, axis=1)
+    speed = row_lengths(motion.omega)
+    limited = row_lengths(motion.limited(speed_limit).omega)
     along *= limited / np.maximum(speed, 1e-300)
     return np.stack((along, np.sqrt(np.maximum(limited * limited - along * along, 0.0))), axis=1)
 

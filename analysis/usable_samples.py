@@ -36,6 +36,8 @@ class Samples:
     """(n,) names of the samples in their source."""
     usual_step_s: float
     """Median distance between samples, s."""
+    longest_step_s: float
+    """Largest distance between samples, s."""
     noise_rad: float
     """Noise of a single sample about each axis, rad."""
     outliers: int
@@ -55,8 +57,9 @@ class Samples:
             kept[outliers] = False
             samples = (samples[0][kept], samples[1][kept], samples[2][kept])
         times_s, quats, index = samples
-        step_s = float(np.median(np.diff(times_s), overwrite_input=True)) if len(times_s) > 1 else float("nan")
-        return Samples(times_s, quats, index, step_s, sample_noise_rad(quats), len(outliers))
+        steps_s = np.diff(times_s) if len(times_s) > 1 else np.array([np.nan])
+        longest_s, usual_s = float(steps_s.max()), float(np.median(steps_s, overwrite_input=True))
+        return Samples(times_s, quats, index, usual_s, longest_s, sample_noise_rad(quats), len(outliers))
 
     def brackets_s(self, moments_s: FloatArray) -> FloatArray:
         """(k,) distance between the samples around each of k moments, s; infinite outside the data."""
@@ -69,6 +72,8 @@ class Samples:
 
     def have_gaps(self, starts_s: FloatArray, ends_s: FloatArray, longest_s: float) -> BoolArray:
         """(k,) whether neighbouring samples within each of k stretches, or at its ends, are further apart than that."""
+        if self.longest_step_s <= longest_s:
+            return np.zeros(len(starts_s), dtype=bool)
         gaps = np.flatnonzero(np.diff(self.times_s) > longest_s)
         first = np.maximum(np.searchsorted(self.times_s, starts_s) - 1, 0)
         last = np.searchsorted(self.times_s, ends_s)

@@ -1,9 +1,10 @@
 """Finding the message records of a block of MCAP at once: what lets an hour be read in a second.
 
-Records are a linked list, and walking it one by one is most of the work of reading a recording. Here every place that
-can be the start of a message is found with numpy, with where it would end; where one ends at the next such place the
-two are linked. From a place known to be a start, all linked ones after it are starts as well. A false start (data that
-looks like one) only breaks a run in two: it is never reached, because no record before it ends there.
+Records are a linked list, and walking it one by one is most of the work of reading a recording. Here the block is cut
+into lanes, and all lanes are walked at a time, a step of every lane together, each from the first place in it that
+looks like a message in front of another. What was met is then checked with numpy, and linked where one ends at the
+next. From a place known to be a start, all linked ones after it are starts as well. A lane that began at a false start
+(data that looks like one) only breaks a run in two: it is never reached, because no record before it ends there.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from mcap.opcode import Opcode
 from host.recording.row_checksums import overlapping
 
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 LONGEST_BYTES = 2**24
 """A longer message is none of ours, nor a viewer's: it is left to the walk record by record."""
@@ -28,11 +30,20 @@ HEAD_BYTES = 9
 LONGEST_BEAT = 64
 """Records that come again and again in the same order are looked for up to so many."""
 WORTHWHILE = 500
-"""Shorter runs of them are left to the search for every start."""
+"""Shorter runs of them are left to the walk in lanes."""
+LANE_BYTES = 4096
+"""From one lane's begin to the next's. Measured."""
+LOOK_BYTES = 256
+"""So far from a lane's begin a start is looked for. Where records are longer, some lanes have none and are left out."""
 _HEAD = struct.Struct("<BQH")
 _MESSAGE = int(Opcode.MESSAGE)  # with the enum, bytes are compared as wide integers
 _HEAD_DTYPE = np.dtype(
-    {"names": ["length", "channel"], "formats": ["<i8", "<u2"], "offsets": [1, 9], "itemsize": _HEAD.size}
+    {
+        "names": ["kind", "length", "channel"],
+        "formats": ["u1", "<i8", "<u2"],
+        "offsets": [0, 1, 9],
+        "itemsize": _HEAD.size,
+    }
 )
 MESSAGE_HEAD_BYTES = 22
 """Channel u16, sequence u32, log time u64, publish time u64."""
@@ -148,7 +159,8 @@ def _even_run(block: memoryview, offset: int) -> EvenRun | None:
             break
         heads.append((length, channel))
         ends.append(ends[-1] + HEAD_BYTES + length)
-    beat = next((n for n in range(1, len(heads) // 2 + 1) if heads[n:] == heads[:-n]), None)
+    beats = (n for n in range(1, len(heads) // 2 + 1) if heads[n] == heads[0] and heads[n:] == heads[:-n])
+    beat = next(beats, None)
     if beat is None:
         return None
     period = ends[beat] - offset
@@ -165,22 +177,15 @@ def _even_run(block: memoryview, offset: int) -> EvenRun | None:
 
 
 class _LinkedRecords:
-    """Every place in a block, from an offset on, that can be the start of a message, linked to the next."""
+    """The messages in a block, from an offset on, that a walk in lanes met, linked to the next."""
 
     def __init__(self, block: memoryview, offset: int, last_channel: int) -> None:
         block = block[offset:]
-        data = np.frombuffer(block, np.uint8)
-        starts = np.flatnonzero(data[: max(len(data) - HEAD_BYTES - MESSAGE_HEAD_BYTES + 1, 0)] == _MESSAGE)
-        heads = overlapping(block, _HEAD.size)[starts].view(_HEAD_DTYPE)
-        lengths = heads["length"]  # impossible ones are negative, or too long
-        ends = lengths + HEAD_BYTES
-        ends += starts
-        whole = (lengths >= MESSAGE_HEAD_BYTES) & (lengths < LONGEST_BYTES) & (ends <= len(data))
-        whole = np.flatnonzero(whole & (heads["channel"] <= last_channel))
-        self._starts, self._ends = starts.take(whole), ends.take(whole)
-        self._channels = heads["channel"].take(whole).astype(np.int64)
-        self._starts += offset
-        self._ends += offset
+        starts = _walked(block)
+        ends, channels, good = _messages(block, starts)
+        whole = np.flatnonzero(good & (channels <= last_channel))
+        self._starts, self._ends = starts.take(whole) + offset, ends.take(whole) + offset
+        self._channels = channels.take(whole).astype(np.int64)
         linked = self._starts[1:] == self._ends[:-1]
         breaks = np.append(np.flatnonzero(~linked), len(whole) - 1) if len(whole) else np.empty(0, np.int64)
         following = np.searchsorted(self._starts, self._ends[breaks])
@@ -200,3 +205,47 @@ class _LinkedRecords:
         if len(parts) == 1:
             return MessageRun(*(column[parts[0]] for column in columns))
         return MessageRun(*(np.concatenate([column[part] for part in parts]) for column in columns))
+
+
+def _walked(block: memoryview) -> IntArray:
+    """Walk from record to record, from the block's begin and from what looks like a start in each lane, up to the next.
+
+    All lanes take a step together. One that began at a false start goes wrong: nothing before it ends there.
+
+    Returns
+    -------
+    (n,) where records may start, ascending.
+    """
+    last = len(block) - HEAD_BYTES - MESSAGE_HEAD_BYTES
+    if last < 0:
+        return np.empty(0, np.int64)
+    begins = np.arange(LANE_BYTES, last - LOOK_BYTES, LANE_BYTES)
+    looked_at = overlapping(block, LOOK_BYTES)[begins].view(np.uint8)
+    lanes, columns = np.divmod(np.flatnonzero(looked_at == _MESSAGE), LOOK_BYTES)
+    maybe = begins[lanes] + columns
+    ends, _, good = _messages(block, maybe)
+    places = np.flatnonzero(good)
+    places = places[_messages(block, ends[places])[2]]  # and what follows is a message too
+    firsts = places[np.diff(lanes[places], prepend=-1) > 0]
+    at = np.concatenate(([0], maybe[firsts]))
+    stops = np.append(at[1:], last + 1)
+    lengths = np.ndarray((last + 2,), "<u4", block, 1, strides=(1,))  # what needs more than four bytes is no message
+    steps = []
+    while (at < stops).any():
+        steps.append(at)
+        at = at + lengths[at]
+        at += HEAD_BYTES
+        np.minimum(at, last + 1, out=at)
+    walked = np.array(steps).T
+    return walked[walked < stops[:, None]]
+
+
+def _messages(block: memoryview, starts: IntArray) -> tuple[IntArray, npt.NDArray[np.uint16], BoolArray]:
+    """Read the records that start at (n,) places as messages: end and channel of each, and whether it can be one."""
+    heads = overlapping(block, _HEAD.size)[np.minimum(starts, len(block) - _HEAD.size)].view(_HEAD_DTYPE)
+    lengths = heads["length"]  # impossible ones are negative, or too long
+    ends = lengths + HEAD_BYTES
+    ends += starts
+    good = (lengths >= MESSAGE_HEAD_BYTES) & (lengths < LONGEST_BYTES) & (ends <= len(block))
+    good &= heads["kind"] == _MESSAGE
+    return ends, heads["channel"], good
