@@ -10,8 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.sample_streams import frame_rows, turning
 from emulator.faults import FaultSettings
-from firmware_protocol.packets import Event, OrientationBatch, Status
+from firmware_protocol.codec import encode_packet
+from firmware_protocol.packets import Event, Info, OrientationBatch, Status
+from firmware_protocol.serial_framing import encode_frame
 from firmware_protocol.stream import StreamDecoder
 from host.clock.unwrap import ClockUnwrapper
 from host.link import Link
@@ -80,6 +83,29 @@ def test_a_recording_gives_what_the_capture_had(name, tmp_path):
     for column in ("times_s", "quats_wxyz", "index"):
         np.testing.assert_array_equal(getattr(trial.series, column), getattr(series, column))
     assert len(series) > 500
+
+
+@pytest.mark.parametrize("introduced", [True, False])
+@pytest.mark.parametrize("away_us", [0, 200_000, 300_000, 5 * 10**6, -(10**8)])
+def test_status_of_another_clock_among_samples_is_met_as_live(introduced, away_us, tmp_path):
+    first = 20_000
+    frames = frame_rows(turning(1200, 100.0), first, 10_000)
+    writer, chunks = RecordingWriter(tmp_path / "x.mcap", "memory:", WALL_NS, MONOTONIC_NS), []
+    for k, frame in enumerate(frames):
+        said = [encode_frame(encode_packet(Info(device_id=7, boot_id=1)))] if introduced and k in {0, 900} else []
+        if k % 40 == 7:  # one of them by another clock
+            away = away_us if k == 607 else 0
+            said.append(encode_frame(encode_packet(Status(10_000 * (first + k) + away, samples_produced=first + k))))
+        chunks.append(Chunk(b"".join(said) + frame.tobytes(), MONOTONIC_NS + 10**9 + 10**7 * k))
+        writer.add_received(chunks[-1])
+    writer.close()
+    trial = load_trial(tmp_path / "x.mcap")
+    _, assembler, series, _, _ = one_by_one(chunks)
+    assert trial.losses == assembler.losses()
+    assert trial.segments == tuple(assembler.segments)
+    assert trial.status == assembler.status
+    np.testing.assert_array_equal(trial.series.times_s, series.times_s)
+    np.testing.assert_array_equal(trial.series.index, series.index)
 
 
 @given(seed=st.integers(0, 2**32), n_hits=st.integers(0, 12), cut=st.booleans())

@@ -200,3 +200,29 @@ def test_what_makes_a_score_degraded():
     assert "1.5 % of the samples are missing (100 lost on the link, 20 damaged, 30 dropped" in verdict.reasons[0]
     assert "2 of 4 cycles miss more than 5 % of their samples (cycle 1, 2)" in verdict.reasons[1]
     assert judge_losses(LossReport(), [], []) == LossVerdict(False, (), ())
+
+
+@given(st.data())
+@settings(derandomize=True, deadline=None, max_examples=150)
+def test_status_among_samples_counts_as_if_each_came_by_itself(data):
+    n = data.draw(st.integers(1, 60))
+    steps = data.draw(st.lists(st.sampled_from([1, 1, 1, 1, 1, 1, 3, 0, -2]), min_size=n, max_size=n))
+    numbers = 5 + np.cumsum(np.array(steps, dtype=np.int64))
+    hits = data.draw(st.none() | st.lists(st.sampled_from([0, 0, 0, 1]), min_size=n, max_size=n))
+    damaged = None if hits is None else np.array(hits, dtype=np.int64)
+    places = sorted(data.draw(st.lists(st.integers(0, n), max_size=5)))
+    told = [status(int(numbers[:place].max(initial=4)) + 1 + ahead, ahead) for ahead, place in enumerate(places)]
+    together, single = LossLedger(), LossLedger()
+    for ledger in (together, single):
+        ledger.feed(np.arange(5, dtype=np.int64))
+    kept = together.feed(numbers, damaged, list(zip(places, told, strict=True)))
+    expected = []
+    for start, stop, packet in zip([0, *places], [*places, n], [*told, None], strict=True):
+        if stop > start:
+            hit = None if damaged is None else damaged[start:stop]
+            expected += single.feed(numbers[start:stop], hit).tolist()
+        if packet is not None:
+            single.status(packet)
+    assert kept.tolist() == expected
+    assert together.report() == single.report()
+    assert together.missing_runs() == single.missing_runs()
