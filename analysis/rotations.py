@@ -289,22 +289,6 @@ def slerp(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLike) -> 
     return multiply(exp(part * log(difference(end, start))), start)
 
 
-def to_matrix(q: npt.ArrayLike) -> FloatArray:
-    """Rotation matrices, body to world.
-
-    Parameters
-    ----------
-    q
-        (..., 4) unit, scalar first.
-
-    Returns
-    -------
-    (..., 3, 3): v_W = matrix @ v_B.
-    """
-    quats = checked_quats(q)
-    return np.stack([rotate(quats, axis) for axis in np.eye(3)], axis=-1)
-
-
 def to_xyzw(q_wxyz: npt.ArrayLike) -> FloatArray:
     """Scalar first to scalar last, for scipy and for file formats.
 

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol.codec import STREAMED
+from firmware_protocol.overlapping import overlapping
 from firmware_protocol.packets import Orientation, OrientationBatch, PacketType
 from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
 from firmware_protocol.serial_framing import CRC_BYTES, CRC_INITIAL, PieceCounters
@@ -123,10 +124,7 @@ def block_end(pieces: bytes, start: int) -> int:
 
 def _columns(block: memoryview, starts: IntArray, length: int) -> ByteArray:
     """Bytes of n pieces of one length as (length, n)."""
-    # Pieces lie anywhere. Seen as overlapping records of their length, one gather copies each in one go.
-    n_places = max(len(block) - length + 1, 0)
-    overlapping = np.ndarray((n_places,), dtype=f"V{length}", buffer=block, strides=(1,))
-    rows = overlapping[starts].view(np.uint8).reshape(-1, length)
+    rows = overlapping(block, length)[starts].view(np.uint8).reshape(-1, length)
     return np.ascontiguousarray(rows.T)
 
 

@@ -116,13 +116,6 @@ def decoder_for(chunk: AnyChunk, node: int | None = None) -> PacketDecoder:
     return StreamDecoder()
 
 
-def coalesced(
-    chunks: Iterable[AnyChunk], max_bytes: int = COALESCED_BYTES, max_span_ns: int = COALESCED_NS
-) -> Iterator[AnyChunk]:
-    """Join neighbouring chunks, for reading a recording fast; as :func:`grouped` puts them together."""
-    return map(joined, grouped(chunks, max_bytes, max_span_ns))
-
-
 def grouped(
     chunks: Iterable[AnyChunk], max_bytes: int = COALESCED_BYTES, max_span_ns: int = COALESCED_NS
 ) -> Iterator[list[AnyChunk]]:

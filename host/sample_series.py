@@ -94,10 +94,3 @@ def _moved(array: npt.NDArray[Number], capacity: int, n: int) -> npt.NDArray[Num
     moved = np.empty((capacity, *array.shape[1:]), array.dtype)
     moved[:n] = array[:n]
     return moved
-
-
-def series_of(blocks: Iterable[SampleBlock], source: str, notes: Iterable[str] = ()) -> OrientationSeries:
-    """Join blocks in wire order into one series; see :meth:`SampleGatherer.series`."""
-    gatherer = SampleGatherer()
-    gatherer.add(blocks)
-    return gatherer.series(source, notes)

@@ -217,8 +217,6 @@ class TrialState:
     """Half-width that the capture aims at; None without ``--until``."""
     more_cycles: int | None = None
     """How many more cycles the interval's formula asks for to reach the target; None where it cannot be said."""
-    provisional_deg: float | None = None
-    """θ̄ as the live view had it, once ``finished``."""
     summary: str = ""
     """The result in a sentence, once ``finished``."""
     alarms: tuple[Alarm, ...] = ()

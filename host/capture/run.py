@@ -108,7 +108,6 @@ def finished_state(live: TrialState, score: TrialScore) -> TrialState:
     return replace(
         live,
         finished=True,
-        provisional_deg=live.theta_bar_deg,
         theta_bar_deg=score.theta_bar_deg,
         interval_deg=score.interval_deg,
         half_width_deg=None if score.interval is None else score.interval.half_width_deg,

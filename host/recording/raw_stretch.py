@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from firmware_protocol.overlapping import overlapping
 from host.recording import format as fmt
 from host.recording.record_runs import MESSAGE_HEAD_BYTES
 from host.recording.ros_message import CDR_LITTLE_ENDIAN
-from host.recording.row_checksums import checksums, overlapping
+from host.recording.row_checksums import checksums
 from host.transports.chunks import AnyChunk, Chunk
 
 IntArray = npt.NDArray[np.int64]

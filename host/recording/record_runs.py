@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from mcap.opcode import Opcode
 
-from host.recording.row_checksums import overlapping
+from firmware_protocol.overlapping import overlapping
 
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]

@@ -13,6 +13,8 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from firmware_protocol.overlapping import overlapping
+
 ByteArray = npt.NDArray[np.uint8]
 IntArray = npt.NDArray[np.int64]
 VoidArray = npt.NDArray[np.void]
@@ -29,11 +31,6 @@ ONES = 0xFFFFFFFF
 STEP = 16
 """Rows are a multiple of so many bytes."""
 _BLOCK = 4096  # rows at a time: registers and columns stay in the cache
-
-
-def overlapping(data: memoryview, length: int) -> VoidArray:
-    """See bytes as records of ``length`` that begin at every byte: indexing it copies each record in one go."""
-    return np.ndarray((max(len(data) - length + 1, 0),), f"V{length}", data, strides=(1,))
 
 
 def checksums(prefixes: ByteArray, data: memoryview, starts: IntArray, ends: IntArray) -> CrcArray:

@@ -23,10 +23,10 @@ from host.recording.reader import RecordingReader
 from host.recording.recorded_trial import load_trial
 from host.recording.row_checksums import checksums
 from host.recording.writer import RecordingWriter
-from host.sample_series import series_of
 from host.samples import SampleAssembler
 from host.transports.chunks import Chunk
 from tests.faulty_trials import faulty_chunks
+from tests.joined_blocks import series_of
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks
 
 DAMAGED = FaultSettings(

@@ -157,7 +157,6 @@ FINISHED = replace(
     RUNNING,
     finished=True,
     theta_bar_deg=0.8102,
-    provisional_deg=0.8125,
     summary="live 0.812°, the result differs by -0.002°",
 )
 SECOND = replace(

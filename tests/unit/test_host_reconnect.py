@@ -6,7 +6,7 @@ import pytest
 from firmware_protocol.packets import Ack, AckCode, Info, OrientationBatch, PacketType, Status
 from firmware_protocol.stream import StreamDecoder
 from host.errors import LinkError, LinkLostError, WrongObjectError
-from host.link import Link, coalesced
+from host.link import Link, grouped, joined
 from host.recording.recorded_trial import assemble
 from host.samples import HELD_NS, SampleAssembler
 from host.session import Phase, Session, SessionSettings
@@ -257,5 +257,5 @@ def test_a_cut_frame_does_not_swallow_the_first_one_after_it():
 
 def test_joining_chunks_keeps_the_mark_of_a_reopened_link():
     chunks = [Chunk(b"a", 1), Chunk(b"b", 2), Chunk(b"", 3), Chunk(b"c", 4), Chunk(b"d", 5)]
-    assert list(coalesced(chunks)) == [Chunk(b"ab", 2), Chunk(b"", 3), Chunk(b"cd", 5)]
+    assert list(map(joined, grouped(chunks))) == [Chunk(b"ab", 2), Chunk(b"", 3), Chunk(b"cd", 5)]
     assert assemble(chunks, "x").reconnects == 1

@@ -7,8 +7,8 @@ from analysis.drift import rotation_drift
 from firmware_protocol.packets import OrientationBatch
 from host.link import Link
 from host.recording.recorded_trial import assemble, load_trial
-from host.sample_series import series_of
 from host.samples import SampleAssembler
+from tests.joined_blocks import series_of
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
 
 

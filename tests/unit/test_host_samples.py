@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Event, EventKind, Info, Orientation, OrientationBatch, Status
 from firmware_protocol.serial_framing import encode_frame
-from host.link import Link, coalesced
-from host.sample_series import series_of
+from host.link import Link, grouped, joined
 from host.samples import SampleAssembler
 from host.transports.chunks import Chunk
+from tests.joined_blocks import series_of
 
 PERIOD_US = 5000
 
@@ -176,7 +176,7 @@ def test_samples_do_not_depend_on_how_the_bytes_are_cut(cuts, damaged_at, damage
             chunks.append(Chunk(bytes(data[at:end]), 10**12 + at * 100_000))
         at = end
     one, losses = samples_of(chunks)
-    other, other_losses = samples_of(coalesced(chunks))
+    other, other_losses = samples_of(map(joined, grouped(chunks)))
     np.testing.assert_array_equal(one.times_s, other.times_s)
     np.testing.assert_array_equal(one.index, other.index)
     np.testing.assert_array_equal(one.quats_wxyz, other.quats_wxyz)

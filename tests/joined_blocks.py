@@ -1,0 +1,9 @@
+"""Blocks of samples as one series."""
+
+from host.sample_series import SampleGatherer
+
+
+def series_of(blocks, source="test"):
+    gatherer = SampleGatherer()
+    gatherer.add(blocks)
+    return gatherer.series(source)
