@@ -22,8 +22,11 @@ OWN_FAULT = 70
 INTERRUPTED = 130
 
 EPILOG = """\
-links:       serial:/dev/ttyACM0   serial:COM3   serial:socket://127.0.0.1:5000   can:socketcan:can0   replay:trial.mcap
-exit codes:  0 done   1 ran, but the result is not valid   2 wrong use   3 device or link   4 file
+links:       serial:/dev/ttyACM0   serial:COM3
+             serial:socket://127.0.0.1:5000
+             can:socketcan:can0   replay:trial.mcap
+exit codes:  0 done   1 ran, but the result is not valid   2 wrong use
+             3 device or link   4 file
 """
 
 

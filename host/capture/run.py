@@ -39,6 +39,12 @@ class FinishedCapture:
     trial: RecordedTrial
     recording: Path
     result: Path
+    """Where the result was to be written; the disk may not have taken it."""
+
+    def places(self) -> str:
+        """Say where the files are, a line each."""
+        result = f"result     {self.result}\n" if self.result.exists() else ""
+        return f"recording  {self.recording}\n{result}"
 
 
 def default_recording(now: datetime, folder: Path = DEFAULT_FOLDER) -> Path:

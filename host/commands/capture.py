@@ -114,9 +114,7 @@ def _print_files(finished: FinishedCapture) -> None:
     from host.capture.run import difference_line
 
     sys.stdout.write(difference_line(finished.outcome.last_state.theta_bar_deg, finished.score))
-    sys.stdout.write(f"recording  {finished.recording}\n")
-    if finished.result.exists():
-        sys.stdout.write(f"result     {finished.result}\n")
+    sys.stdout.write(finished.places())
 
 
 def _run_several(

@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         truth = virtual.stop()
     print_score(finished.score)
     _print_truth(finished.score, truth, heading_drift)
-    sys.stdout.write(f"recording  {finished.recording}\nresult     {finished.result}\n")
+    sys.stdout.write(finished.places())
     sys.stdout.flush()
     if finished.outcome.error is not None:
         raise finished.outcome.error

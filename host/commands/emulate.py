@@ -29,7 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--link",
         metavar="LINK",
-        help="pty:PATH (the device to make), tcp:PORT on this machine, file:PATH (bytes, in virtual time), can:...",
+        help="needed: pty:PATH (the device to make), tcp:PORT here, file:PATH (bytes, in virtual time), can:...",
     )
     parser.add_argument("--truth", metavar="FILE", help="write what really happened, as JSON")
     parser.add_argument("--duration", type=float, metavar="S", help="end after S seconds")
