@@ -65,16 +65,18 @@ class SampleArrays:
     ----------
     n_bytes : int
         Bytes of pieces, delimiters included, that will be decoded into these arrays.
+    located : bool
+        Whether the place of each sample is wanted.
     """
 
-    def __init__(self, n_bytes: int) -> None:
+    def __init__(self, n_bytes: int, *, located: bool = False) -> None:
         capacity = n_bytes // (SHORTEST_PIECE + 1) + 1
         self.sequence = np.empty(capacity, dtype=np.uint16)
         self.device_time_us = np.empty(capacity, dtype="<u4")
         self.quats_wxyz = np.empty((capacity, 4), dtype=np.float64)
         self.flags = np.empty(capacity, dtype=np.uint8)
-        self.ends = np.empty(capacity, dtype=np.int64)
-        """Where the delimiter behind each sample stands in the bytes."""
+        self.ends = np.empty(capacity, dtype=np.int64) if located else None
+        """Where the delimiter behind each sample stands in the bytes; None where nobody asks."""
         self.n = 0
         """Samples held."""
 
@@ -87,8 +89,9 @@ class SampleArrays:
             (self.device_time_us, [sample.device_time_us for sample in samples]),
             (self.quats_wxyz, [sample.q_wxyz for sample in samples]),
             (self.flags, [int(sample.flags) for sample in samples]),
-            (self.ends, ends),
         ]
+        if self.ends is not None:
+            columns.append((self.ends, ends))
         for array, values in columns:
             moved = np.insert(array[first : self.n], places, np.array(values, dtype=array.dtype), axis=0)
             array[first : self.n + len(samples)] = moved
@@ -247,7 +250,8 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
     for k in range(4):
         times[:, k] = packets[3 + k]
     samples.flags[first:last] = packets[15]
-    np.add(ends[sample_pieces], offset, out=samples.ends[first:last])
+    if samples.ends is not None:
+        np.add(ends[sample_pieces], offset, out=samples.ends[first:last])
     scale = 1.0 / np.sqrt(square.astype(np.float64))
     for k in range(4):
         np.multiply(components[k], scale, out=samples.quats_wxyz[first:last, k])

@@ -70,8 +70,8 @@ class LocatedPackets:
 
     samples: OrientationBatch
     """All n samples, in wire order."""
-    ends: npt.NDArray[np.int64]
-    """(n,) place of each sample's delimiter."""
+    ends: npt.NDArray[np.int64] | None
+    """(n,) place of each sample's delimiter; None where nobody asked."""
     others: Sequence[tuple[int, Packet | ForeignInfo, int]]
     """Every other packet, in wire order: before which of the samples it came, the packet, its delimiter."""
 
@@ -199,7 +199,7 @@ class StreamDecoder:
             Of any length; below some thousand bytes :meth:`feed` is faster.
         """
         offset = self._frames.offset_of_next(data)
-        return self._feed_many(self._frames.complete(data), offset)
+        return self._feed_many(self._frames.complete(data), offset, located=True)
 
     def _feed_lone(self, packet: bytes) -> list[StreamItem]:
         """Decode a packet that came alone, mostly ORIENTATION: what a live read brings."""
@@ -264,9 +264,9 @@ class StreamDecoder:
             np.array(flags, _UINT8),
         )
 
-    def _feed_many(self, pieces: bytes, offset: int = 0) -> LocatedPackets:
+    def _feed_many(self, pieces: bytes, offset: int = 0, *, located: bool = False) -> LocatedPackets:
         """Decode pieces, which begin at ``offset`` of what the places of their packets are counted from."""
-        samples = SampleArrays(len(pieces))
+        samples = SampleArrays(len(pieces), located=located)
         placed: list[tuple[int, Packet | ForeignInfo, int]] = []
         start = 0
         if self._frames.at_start and pieces:
@@ -294,7 +294,8 @@ class StreamDecoder:
                 followed = position
                 self._meet(item)
         self._sequence.feed_array(samples.sequence[followed : samples.n])
-        return LocatedPackets(samples.batch(), samples.ends[: samples.n], placed)
+        ends = None if samples.ends is None else samples.ends[: samples.n]
+        return LocatedPackets(samples.batch(), ends, placed)
 
     def _place(
         self,

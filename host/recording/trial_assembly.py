@@ -108,6 +108,7 @@ class TrialAssembly:
     def _feed_stretch(self, stretch: RawStretch) -> None:
         packets = self.link.feed_stretch(stretch.data)
         self.assembler.damaged(self.link.take_damage())
+        assert packets.ends is not None
         samples = _PlacedSamples(packets.samples, *_arrivals(stretch, packets.ends))
         _, times_ns = _arrivals(stretch, np.array([end for _, _, end in packets.others], dtype=np.int64))
         start, statuses = 0, list[TimedStatus]()
