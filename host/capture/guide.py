@@ -94,6 +94,8 @@ class Guide:
         rested = rested_s >= self.settings.rest_s
         begun = rate is not None and rate > MOVING_DPS
         stopped = state.n_cycles > 0 and rested_s > REST_PERIODS * (state.motion.period_s or 10.0)
+        if self._step == 0 and state.n_cycles > 0 and begun:  # a hand that did not wait: a trial without a rest before
+            self._step = TITLES.index("let it turn")
         steps_on = (rested, begun, enough or stopped, rested, False)
         if steps_on[self._step]:
             self._step += 1

@@ -28,8 +28,9 @@ Ask = Callable[[str], str]
 Say = Callable[[str], None]
 
 INTRODUCTION = """\
-Enter keeps what stands in [brackets] or leaves the field out; `-` takes a value out; Ctrl-D ends without writing.
-Fields marked * are asked for by the benchmark card. Leave out what you do not know: nothing is invented.
+Enter keeps what stands in [brackets] or leaves the field out; `-` takes a
+value out; Ctrl-D ends without writing. Fields marked * are asked for by the
+benchmark card. Leave out what you do not know: nothing is invented.
 """
 
 
@@ -93,7 +94,8 @@ def _ask_size(values: dict[str, dict[str, Any]], ask: Ask, say: Say) -> None:
         if answer == "-":
             values["object"].pop("dimensions", None)
             return
-        parts = re.sub(r"(?<=[\d. ])[x×*](?=[\d. ])", " ", answer.replace(",", " ")).split()  # 60x60 and 60 x 60
+        numbers = _bare(answer, "mm").replace(",", " ")
+        parts = re.sub(r"(?<=[\d. ])[x×*](?=[\d. ])", " ", numbers).split()  # 60x60 and 60 x 60
         try:
             if len(parts) != len(keys):
                 raise ValueError(f"give {len(keys)} number{'s' if len(keys) > 1 else ''}: {names}")
@@ -141,9 +143,9 @@ def _parsed(name: str, answer: str) -> object:
     if name == "weights":
         return _weights(answer)
     if name in {"com_mm", "mounting_q_body_sensor"}:
-        return [_number(part) for part in answer.replace(",", " ").strip("()[] ").split()]
+        return [_number(part) for part in _bare(answer, "mm").replace(",", " ").strip("()[] ").split()]
     if name.endswith(("_g", "_mm", "_hz")):
-        return _number(answer)
+        return _number(_bare(answer, name.rpartition("_")[2]))
     if name in {"fingers", "repeats"}:
         try:
             return int(answer)
@@ -160,8 +162,13 @@ def _weights(answer: str) -> list[dict[str, float | int]]:
         slot, colon, grams = part.partition(":")
         if not colon or not slot.strip().isdigit():
             raise ValueError(f"{part.strip()!r} is not slot:grams")
-        weights.append({"slot": int(slot), "mass_g": _number(grams)})
+        weights.append({"slot": int(slot), "mass_g": _number(_bare(grams, "g"))})
     return weights
+
+
+def _bare(text: str, unit: str) -> str:
+    """Take off the unit that the question names, where it was typed all the same."""
+    return re.sub(rf"(?<=[\d.)\] ]){unit}$", "", text.strip(), flags=re.IGNORECASE).strip()
 
 
 def _number(text: str) -> float:

@@ -39,7 +39,7 @@ def test_answers_become_a_complete_card():
         dimensions="60 x 80",
         surface="smooth",
         mass_g="180.5",
-        com_mm="0, 0, 2.5",
+        com_mm="(0, 0, 2.5) mm",
         weights="1:20, 4:20.5",
         model="T42",
         aperture_mm="90",
@@ -62,9 +62,9 @@ def test_wrong_answers_are_explained_and_asked_again():
     cards, typist = fill(
         tables=("object",),
         type=["pyramid", "cube"],
-        dimensions=["60 60", "60 60 sixty", "60 60 60"],
-        mass_g=["heavy", "-3", "nan", "180"],
-        weights=["twenty", "1:20 g", "1:200", "1:20"],
+        dimensions=["60 60", "60 60 sixty", "60x60x60 mm"],
+        mass_g=["heavy", "-3", "nan", "180 kg", "180 g"],
+        weights=["twenty", "1:20 kg", "1:200", "1:20 g"],
     )
     said = "\n".join(typist.said)
     assert cards.object.mass_g == 180

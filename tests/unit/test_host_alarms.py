@@ -158,6 +158,19 @@ def test_the_guide_leads_through_rest_cycles_and_rest():
     assert guide.done
 
 
+def test_a_hand_that_did_not_wait_is_counted_all_the_same():
+    guide = Guide(GuideSettings(rest_s=1.0, cycles=3))
+    titles = [
+        guide.update(replace(moment, elapsed_s=0.5 * k), state_enough).title
+        for k, (moment, state_enough) in enumerate(
+            [(state(0, rate=0.1), False), (state(0), False), (state(2), False), (state(3), False), (state(4), True)]
+            + [(state(4, rate=0.1), True)] * 4
+        )
+    ]
+    assert titles[:5] == ["hold still", "hold still", "let it turn", "let it turn", "stop the hand, hold still"]
+    assert titles[-1] == "done"
+
+
 def test_a_hand_that_stops_early_ends_the_cycles():
     guide = Guide(GuideSettings(rest_s=1.0))
     for k, moment in enumerate([state(0, rate=0.1)] * 4 + [state(0)] * 4 + [state(5)] * 4 + [state(5, rate=0.1)] * 20):
