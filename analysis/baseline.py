@@ -194,7 +194,7 @@ def _refuse_motion(series: OrientationSeries) -> None:
     rate = float(np.linalg.norm(usual)) * 60.0
     if rate > MAX_RATE_DEG_PER_MIN:
         raise BaselineError(
-            f"the object turns at {rate:.0f} deg/min, a resting sensor at most {MAX_RATE_DEG_PER_MIN:.0f}; "
+            f"the object turns at {rate:.0f}°/min, a resting sensor at most {MAX_RATE_DEG_PER_MIN:.0f}; "
             "lay it down and measure again"
         )
     off = np.linalg.norm((rates - usual) * spacing_s[:, None], axis=1)
@@ -204,7 +204,7 @@ def _refuse_motion(series: OrientationSeries) -> None:
     if off.max() > limit:
         first = int(np.argmax(off > limit))
         raise BaselineError(
-            f"the object moved by {off.max():.2f} deg (first {blocks.at_s[first] - series.times_s[0]:.0f} s after the "
+            f"the object moved by {off.max():.2f}° (first {blocks.at_s[first] - series.times_s[0]:.0f} s after the "
             "start); lay it down, do not touch it, and measure again"
         )
 

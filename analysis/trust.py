@@ -106,16 +106,16 @@ def _sensor_share(
         source, baseline = "rests", baseline_from_holds(still_holds(series, score.cycles.active_s))
     if baseline is None:
         low, high = (heading_drift_bound_deg(rate, period_s) for rate in IMU_HEADING_DEG_PER_MIN)
-        note = f"no static baseline: a 6-axis IMU would add {low:.2g} to {high:.2g} deg per cycle of its own"
+        note = f"no static baseline: a 6-axis IMU would add {low:.2g} to {high:.2g}° per cycle of its own"
         return SensorShare("unknown", None, None, None, None, note)
     share = baseline.per_cycle_deg(period_s)
     floor = baseline.detectable_deg(period_s, drift.n_endpoints)
-    note = f"sensor at rest: {baseline.total_rate_deg_per_min:.2g} deg/min, {share:.2g} deg per cycle"
+    note = f"sensor at rest: {baseline.total_rate_deg_per_min:.2g}°/min, {share:.2g}° per cycle"
     if source == "rests":
         note += f", from {baseline.source}; an upper bound, the object may creep in the hand as well"
         if baseline.duration_s < MIN_REST_FOR_FLOOR_S:
             return SensorShare(source, baseline, share, None, None, f"{note}; too short to set a floor")
-    note += f"; floor {floor:.2g} deg: a resting object would score less in 95 of 100 such trials"
+    note += f"; floor {floor:.2g}°: a resting object would score less in 95 of 100 such trials"
     return SensorShare(source, baseline, share, floor, drift.theta_bar_deg < floor, note)
 
 
@@ -134,10 +134,10 @@ def _trust_warnings(
             f"below {MIN_EIGENVALUE_SHARE}"
         )
     if companions.mean_step_deg > max(_SCATTER * theta, 0.1):
-        warnings.append(f"θ̄ hides scatter: the mean step is {companions.mean_step_deg:.2f} deg, θ̄ only {theta:.2f} deg")
+        warnings.append(f"θ̄ hides scatter: the mean step is {companions.mean_step_deg:.2f}°, θ̄ only {theta:.2f}°")
     for name, value in (("first", companions.without_first_deg), ("last", companions.without_last_deg)):
         if value is not None and max(value, theta) > _SENSITIVE * min(value, theta) and abs(value - theta) > 0.05:
-            warnings.append(f"without the {name} end point θ̄ would be {value:.2f} deg instead of {theta:.2f} deg")
+            warnings.append(f"without the {name} end point θ̄ would be {value:.2f}° instead of {theta:.2f}°")
     if interval is None:
         warnings.append(f"{companions.n_steps} steps are too few for a confidence interval")
     if score.excluded:
@@ -150,8 +150,7 @@ def _trust_warnings(
         warnings.append(f"{flagged} of {len(score.endpoints)} end points are flagged as irregular; they are kept")
     if sensor.below_floor:
         warnings.append(
-            f"below the sensor's floor: a resting object would score up to {sensor.detectable_deg:.2g} deg in such "
-            "a trial"
+            f"below the sensor's floor: a resting object would score up to {sensor.detectable_deg:.2g}° in such a trial"
         )
     elif sensor.source == "unknown" and score.index_kind == "sequence":
         warnings.append(sensor.note)

@@ -53,8 +53,8 @@ def _jumps(series: OrientationSeries) -> tuple[str, ...]:
         return ()
     first = int(jumps[0]) + 1
     return (
-        f"orientation jumps {len(jumps)} times, first by {steps_deg[first - 1]:.0f} deg at {series.index_kind} "
-        f"{series.index[first]}: wrong Euler order, wrong columns, or a sensor that lost track?",
+        f"orientation jumps {len(jumps)} time{'s' * (len(jumps) > 1)}, first by {steps_deg[first - 1]:.0f}° at "
+        f"{series.index_kind} {series.index[first]}: wrong Euler order, wrong columns, or a sensor that lost track?",
     )
 
 
@@ -88,9 +88,9 @@ def _gravity(series: OrientationSeries) -> tuple[str, ...]:
     better = as_read > MIN_WANDER_DEG and least < 0.5 * as_read
     if as_read <= MAX_WANDER_DEG and not better:
         return ()
-    hint = f"; read {best} it would be {least:.1f} deg" if better else ""
+    hint = f"; read {best} it would be {least:.1f}°" if better else ""
     return (
-        f"gravity wanders by {as_read:.1f} deg (root mean square) in the world frame{hint}: check the order of the "
+        f"gravity wanders by {as_read:.1f}° (root mean square) in the world frame{hint}: check the order of the "
         "components and the direction of the rotation",
     )
 

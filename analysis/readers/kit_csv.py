@@ -161,9 +161,9 @@ def _compare(quats_xyzw: FloatArray, from_angles: FloatArray) -> tuple[tuple[str
     quats = rotations.from_xyzw(quats_xyzw[usable] / norms[usable, None])
     worst = float(np.degrees(rotations.distance(quats, from_angles[usable]).max()))
     if worst <= AGREEMENT_DEG and usable.all():
-        return (f"quaternion columns agree with the Euler angles within {worst:.1g} deg",), ()
+        return (f"quaternion columns agree with the Euler angles within {worst:.1g}°",), ()
     return (), (
-        f"quaternion columns and Euler angles (extrinsic x-y-z) differ by up to {worst:.3g} deg; the angles were used",
+        f"quaternion columns and Euler angles (extrinsic x-y-z) differ by up to {worst:.3g}°; the angles were used",
     )
 
 

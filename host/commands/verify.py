@@ -50,16 +50,20 @@ def run(args: argparse.Namespace) -> int:
     lines = [f"altered: {line}" for line in found.altered]
     lines += [f"differs: {line}" for line in found.differences]
     lines += list(found.notes)
+    trials = f"{found.n_trials} trial{'s' * (found.n_trials != 1)}"
     n_compared = found.n_files - len(found.uncompared)
     if not found.equal:
-        lines.append(f"not equal: {len(found.altered)} altered files, {len(found.differences)} differences")
+        lines.append(
+            f"not equal: {len(found.altered)} altered file{'s' * (len(found.altered) != 1)}, "
+            f"{len(found.differences)} difference{'s' * (len(found.differences) != 1)}"
+        )
     elif found.uncompared:
         lines.append(
-            f"equal as far as compared: {n_compared} of {found.n_files} files; all numbers of {found.n_trials} trials "
+            f"equal as far as compared: {n_compared} of {found.n_files} files; all numbers of {trials} "
             "scored again from the raw bytes"
         )
     else:
-        lines.append(f"equal: {found.n_files} files, {found.n_trials} trials scored again from the raw bytes")
+        lines.append(f"equal: {found.n_files} files, {trials} scored again from the raw bytes")
     lines.append(f"digest of the submission: {found.digest}")
     sys.stdout.write("\n".join(lines) + "\n")
     return 0 if found.equal else 1

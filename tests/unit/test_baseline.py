@@ -125,7 +125,7 @@ def test_a_touch_is_refused(bump_deg, bump_s):
 
 
 def test_turning_is_refused():
-    with pytest.raises(BaselineError, match="turns at 90 deg/min"):
+    with pytest.raises(BaselineError, match="turns at 90°/min"):
         measure_baseline(resting(rate=(0.0, 0.0, 90.0)))
     with pytest.raises(BaselineError):
         measure_baseline(simulate(cosine).series)

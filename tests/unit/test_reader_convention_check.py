@@ -53,8 +53,8 @@ def test_a_wandering_of_a_few_degrees_counts_if_another_reading_has_none():
     tilt = Rotation.from_rotvec(np.outer(np.sin(TIMES), [np.radians(5.5), 0.0, 0.0]))
     up = 9.81 * tilt.inv().apply([0.0, 0.0, 1.0])
     (warning,) = convention_warnings(series(tilt.inv().as_quat(scalar_first=True), up))
-    assert "gravity wanders by 7.8 deg" in warning  # twice 5.5 over the root of two
-    assert "it would be 0.0 deg" in warning
+    assert "gravity wanders by 7.8°" in warning  # twice 5.5 over the root of two
+    assert "it would be 0.0°" in warning
 
 
 @pytest.mark.parametrize("scale", [1.0 / 9.81, 0.02, 100.0])
@@ -77,7 +77,7 @@ def test_jumps_are_named():
     quats = POSES.as_quat(scalar_first=True)
     quats[1500:] = (Rotation.from_rotvec([0, 1.5, 0]) * POSES[1500:]).as_quat(scalar_first=True)
     warnings = convention_warnings(series(quats))
-    assert "jumps 1 times, first by 86 deg at row 1500" in warnings[0]
+    assert "jumps 1 time, first by 86° at row 1500" in warnings[0]
 
 
 def test_a_jump_across_a_gap_is_none():
