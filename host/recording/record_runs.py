@@ -27,12 +27,16 @@ LONGEST_BYTES = 2**24
 """A longer message is none of ours, nor a viewer's: it is left to the walk record by record."""
 HEAD_BYTES = 9
 """Kind u8, length u64."""
+MESSAGE_HEAD_BYTES = 22
+"""Channel u16, sequence u32, log time u64, publish time u64."""
 LONGEST_BEAT = 64
 """Records that come again and again in the same order are looked for up to so many."""
 WORTHWHILE = 500
 """Shorter runs of them are left to the walk in lanes."""
 LANE_BYTES = 4096
 """From one lane's begin to the next's. Measured."""
+MOST_STEPS = 4 * LANE_BYTES // (HEAD_BYTES + MESSAGE_HEAD_BYTES)
+"""Where so many do not reach the next lane, these are no messages: the rest is left to the walk record by record."""
 LOOK_BYTES = 256
 """So far from a lane's begin a start is looked for. Where records are longer, some lanes have none and are left out."""
 _HEAD = struct.Struct("<BQH")
@@ -45,8 +49,6 @@ _HEAD_DTYPE = np.dtype(
         "itemsize": _HEAD.size,
     }
 )
-MESSAGE_HEAD_BYTES = 22
-"""Channel u16, sequence u32, log time u64, publish time u64."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,12 +232,12 @@ def _walked(block: memoryview) -> IntArray:
     at = np.concatenate(([0], maybe[firsts]))
     stops = np.append(at[1:], last + 1)
     lengths = np.ndarray((last + 2,), "<u4", block, 1, strides=(1,))  # what needs more than four bytes is no message
-    steps = []
-    while (at < stops).any():
-        steps.append(at)
+    steps = [at]
+    while len(steps) < MOST_STEPS and (at < stops).any():
         at = at + lengths[at]
         at += HEAD_BYTES
         np.minimum(at, last + 1, out=at)
+        steps.append(at)
     walked = np.array(steps).T
     return walked[walked < stops[:, None]]
 

@@ -67,6 +67,14 @@ def test_runs_are_the_records_that_walking_finds(seed, n, cut, last):
     assert by_runs(block, last) == walked(block, last)
 
 
+def test_records_without_a_body_by_the_thousand_are_left_to_the_walk():
+    message = record(5, struct.pack("<HIQQ", 1, 0, 0, 0))
+    block = message + record(6, b"") * 30_000 + message * 700
+    found = by_runs(block)
+    assert [place[:2] for place in found] == [place[:2] for place in walked(block)]
+    assert sum(channel == 1 for _, _, channel in found) > 500  # in the lanes behind them
+
+
 def test_a_message_of_many_megabytes_is_left_to_the_walk():
     block = record(5, bytes(2**24 + 5)) + record(5, bytes(30))
     assert by_runs(block) == [(0, len(block) - 39, None), (len(block) - 39, len(block), 0)]
