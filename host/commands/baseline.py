@@ -20,6 +20,8 @@ CYCLES_SHOWN = 10
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
+    from host.scoring.arguments import add_read_arguments
+
     parser = subparsers.add_parser(
         "baseline",
         help="measure the sensor at rest",
@@ -35,9 +37,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--duration", type=_seconds, metavar="S", help=f"how long to listen (default: {DEFAULT_DURATION_S:.0f} s)"
     )
-    parser.add_argument("--columns", metavar="SPEC", help="what the columns of FILE are: t=time,qw=w,qx=x,qy=y,qz=z")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where FILE has no time stamps")
-    parser.add_argument("--topic", metavar="NAME", help="which topic of a bag")
+    add_read_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
@@ -89,9 +89,10 @@ def _is_recording(path: Path) -> bool:
 
 
 def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
-    from host.scoring.scored_recording import ReadOptions, read_recording
+    from host.scoring.arguments import read_options
+    from host.scoring.scored_recording import read_recording
 
-    series, trial = read_recording(path, ReadOptions(args.columns, args.rate, args.topic))
+    series, trial = read_recording(path, read_options(args))
     return series, () if trial is None else trial.temperatures_c
 
 

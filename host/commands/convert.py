@@ -12,6 +12,8 @@ SUFFIXES = {".csv": "csv", ".tum": "tum", ".txt": "tum", ".parquet": "parquet", 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
+    from host.scoring.arguments import add_read_arguments
+
     parser = subparsers.add_parser(
         "convert",
         help="write a recording as CSV, TUM, parquet, .mat, ROS 2 bag",
@@ -30,9 +32,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         choices=("csv", "endpoints", "tum", "parquet", "mat", "ros2", "kit"),
         help="format (default: by the name of OUT)",
     )
-    parser.add_argument("--columns", metavar="SPEC", help="what the columns of FILE are: t=time,qw=w,qx=x,qy=y,qz=z")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where FILE has no time stamps")
-    parser.add_argument("--topic", metavar="NAME", help="which topic of a bag")
+    add_read_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -48,14 +48,15 @@ def run(args: argparse.Namespace) -> int:
     from analysis.writers import FORMATS, write_series
     from analysis.writers.errors import WriterError
     from host.errors import FileError, UsageError, unwritable
-    from host.scoring.scored_recording import ReadOptions, read_recording, score_recording
+    from host.scoring.arguments import read_options
+    from host.scoring.scored_recording import read_recording, score_recording
 
     kind = args.to or SUFFIXES.get(args.out.suffix.lower())
     if kind is None:
         raise UsageError(
             f"the name {args.out.name} does not say a format", f"choose one with --to {{{','.join(FORMATS)}}}"
         )
-    reading = ReadOptions(args.columns, args.rate, args.topic)
+    reading = read_options(args)
     result = None
     if kind in {"endpoints", "mat"}:
         scored = score_recording(args.file, None, reading)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
+    from host.scoring.arguments import add_read_arguments, add_window_arguments
+
     parser = subparsers.add_parser(
         "report",
         help="write a submission: report, figures, data, summary",
@@ -39,12 +41,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--title", metavar="TEXT", help="title of the report")
     parser.add_argument("--force", action="store_true", help="replace the file that exists")
     parser.add_argument("--endpoints", metavar="ROWS|FILE", help="end points chosen by hand (one trial only)")
-    parser.add_argument("--from", dest="start", type=float, metavar="S", help="start of the window (one trial only)")
-    parser.add_argument("--to", dest="end", type=float, metavar="S", help="end of the window (one trial only)")
+    add_window_arguments(parser, " (one trial only)")
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
-    parser.add_argument("--columns", metavar="SPEC", help="what the columns are: t=time,qw=w,qx=x,qy=y,qz=z")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where a file has no time stamps")
-    parser.add_argument("--topic", metavar="NAME", help="which topic of a bag")
+    add_read_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -63,9 +62,10 @@ def run(args: argparse.Namespace) -> int:
         A file cannot be read or written.
     """
     from host.errors import UsageError
+    from host.scoring.arguments import window
     from host.submission.contents import DEFAULT_TITLE, build_submission
 
-    windowed = args.start is not None or args.end is not None
+    windowed = window(args) is not None
     if args.endpoints and windowed:
         raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
     if len(args.trials) > 1 and (args.endpoints or windowed):
@@ -85,16 +85,18 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
     from analysis.series import ReaderError
     from host.cards.files import find_cards
     from host.errors import UsageError
+    from host.scoring.arguments import window
     from host.submission.source import Choices, load_source
 
     if not path.name:
         raise UsageError(f"{path} has no name to file it under", "name the recording or the bag in full")
-    choices = Choices(args.start, args.end, columns=args.columns, rate_hz=args.rate, topic=args.topic)
+    start_s, end_s = _window_s(path, args)
+    choices = Choices(start_s, end_s, columns=args.columns, rate_hz=args.rate, topic=args.topic, node=args.node)
     beside = path.with_suffix(".endpoints.csv")
     try:
         if args.endpoints:
             choices = choices.with_endpoints(parse_endpoints(args.endpoints))
-        elif beside.is_file() and args.start is None and args.end is None:
+        elif beside.is_file() and window(args) is None:
             choices = choices.with_endpoints(load_endpoints(beside))
     except ReaderError as error:
         raise UsageError(str(error)) from error
@@ -104,6 +106,18 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
             baseline = candidate
     cards = find_cards(path, tuple(args.cards)).cards
     return load_source(path, cards, choices, baseline)
+
+
+def _window_s(path: Path, args: argparse.Namespace) -> tuple[float | None, float | None]:
+    """Give the window in seconds: a submission says what was scored, whoever set the markers."""
+    if not isinstance(args.start, str) and not isinstance(args.end, str):
+        return args.start, args.end
+    from host.scoring.arguments import read_options
+    from host.scoring.scored_recording import read_recording
+    from host.scoring.window_bounds import resolve_window
+
+    _, trial = read_recording(path, read_options(args))
+    return resolve_window((args.start, args.end), trial) or (None, None)
 
 
 def _refuse_existing(out: Path, *, force: bool) -> None:

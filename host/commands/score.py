@@ -17,6 +17,8 @@ PLOT_FORMATS = (".png", ".svg", ".pdf")
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
+    from host.scoring.arguments import add_read_arguments, add_window_arguments
+
     parser = subparsers.add_parser(
         "score",
         help="score recordings",
@@ -31,21 +33,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--endpoints", metavar="ROWS|FILE", help="end points chosen by hand: 1175,1639 (rows), 12.5s,17.1s, or a file"
     )
-    parser.add_argument(
-        "--from", dest="start", type=_bound, metavar="S|MARKER", help="start of the window: seconds, or m1 for a marker"
-    )
-    parser.add_argument("--to", dest="end", type=_bound, metavar="S|MARKER", help="end of the window")
+    add_window_arguments(parser)
     parser.add_argument(
         "--ignore-actions",
         action="store_true",
         help="score as if the operator had set no trial window and left no cycle out",
     )
-    parser.add_argument("--columns", metavar="SPEC", help="what the columns are: t=time,qw=w,qx=x,qy=y,qz=z")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where the file has no time stamps")
-    parser.add_argument("--topic", metavar="NAME", help="which topic of a bag, or station of a tracker's file")
-    parser.add_argument(
-        "--node", type=int, metavar="N", help="node id of the object in a CAN log; else the first heard"
-    )
+    add_read_arguments(parser)
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
     parser.add_argument(
         "--plot", type=Path, metavar="IMAGE", help="draw the trial: rotation, steps, sensitivity (.png, .svg or .pdf)"
@@ -71,10 +65,11 @@ def run(args: argparse.Namespace) -> int:
         Not a file that can be scored; says where and why.
     """
     from host.errors import UsageError
+    from host.scoring.arguments import window
     from host.scoring.batch import expand
     from host.scoring.scored_recording import score_recording
 
-    if args.endpoints is not None and (args.start is not None or args.end is not None):
+    if args.endpoints is not None and window(args) is not None:
         raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
     _check_plot(args.plot)
     files = expand(args.files)
@@ -169,11 +164,11 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Windo
     from analysis.endpoint_choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError
+    from host.scoring.arguments import read_options, window
     from host.scoring.preceding import preceding_endpoints
     from host.scoring.result import ScoreOptions
-    from host.scoring.scored_recording import ReadOptions
 
-    reading = ReadOptions(args.columns, args.rate, args.topic, args.node)
+    reading = read_options(args)
     try:
         chosen = None if args.endpoints is None else parse_endpoints(args.endpoints)
     except ReaderError as error:
@@ -185,10 +180,4 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Windo
         honour_actions=not args.ignore_actions,
         preceding=preceding_endpoints(args.preceding, reading),
     )
-    return options, reading, None if args.start is None and args.end is None else (args.start, args.end)
-
-
-def _bound(text: str) -> float | str:
-    from host.scoring.window_bounds import parse_bound  # imports numpy: only where there is something to parse
-
-    return parse_bound(text)
+    return options, reading, window(args)

@@ -36,11 +36,12 @@ class Choices(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     columns: str | None = None
     rate_hz: float | None = None
     topic: str | None = None
+    node: int | None = None
 
     @property
     def reading(self) -> ReadOptions:
         """How to read the recording."""
-        return ReadOptions(self.columns, self.rate_hz, self.topic)
+        return ReadOptions(self.columns, self.rate_hz, self.topic, self.node)
 
     def options(self, baseline: Path | None) -> ScoreOptions:
         """How to score it."""

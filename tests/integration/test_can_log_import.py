@@ -19,6 +19,7 @@ from host.recording.recorded_trial import assemble
 from host.transports.can_log import can_log_kind, read_can_log
 from host.transports.chunks import FrameChunk
 from tests.can_traffic import is_sample, object_at, timed
+from tests.command_line import rotdrift
 from tests.emulated_packets import trial_packets
 
 KINDS = {"candump": ".log", "ASC": ".asc", "CSV": ".csv", "BLF": ".blf"}
@@ -170,3 +171,21 @@ def test_the_score_command_takes_a_log(frames: list[CanFrame], tmp_path: Path, c
     assert main(["score", str(path), "--node", "4"]) == 4
     assert "node id 4" in capsys.readouterr().err
     assert main(["score", str(path), "--node", "77"]) == 2
+
+
+def test_the_object_of_a_bus_is_chosen_by_its_node_wherever_a_log_is_read(
+    frames: list[CanFrame], tmp_path: Path
+) -> None:
+    other = timed(object_at(9, rate_hz=200), [p for p in trial_packets("ideal", 3.0) if p[0] == 2], 5_000_000, START_NS)
+    both = sorted([*frames, *other], key=lambda frame: frame.host_time_ns)
+    log = write_log(tmp_path / "both.log", both)
+    for node in (3, 9):
+        done = rotdrift("convert", log, tmp_path / f"{node}.csv", "--node", node)
+        assert done.returncode == 0, done.stderr
+    own = [len((tmp_path / f"{node}.csv").read_text().splitlines()) for node in (3, 9)]
+    assert own[0] != own[1]
+    done = rotdrift("report", log, "--node", 3, "--out", tmp_path / "sub")
+    assert done.returncode == 0, done.stderr
+    (choices,) = (tmp_path / "sub").glob("trials/*/choices.json")
+    assert json.loads(choices.read_text()) == {"node": 3}
+    assert rotdrift("verify", tmp_path / "sub").returncode == 0

@@ -48,3 +48,12 @@ def test_a_recording_without_markers_says_so(tmp_path, chunks):
     plain = write_recording(tmp_path / "plain.mcap", chunks)
     assert "no marker m1" in one_sentence(rotdrift("score", plain, "--to", "m1"), 2)
     assert "neither seconds" in one_sentence(rotdrift("score", plain, "--to", "soon"), 2)
+
+
+def test_a_submission_of_the_window_between_markers_holds_their_times(marked, tmp_path):
+    done = rotdrift("report", marked, "--from", "m1", "--to", "m2", "--out", tmp_path / "sub")
+    assert done.returncode == 0, done.stderr
+    (choices,) = (tmp_path / "sub").glob("trials/*/choices.json")
+    assert json.loads(choices.read_text()) == {"from_s": 5.1, "to_s": 13.9}
+    assert rotdrift("verify", tmp_path / "sub").returncode == 0
+    assert "no marker m7" in one_sentence(rotdrift("report", marked, "--from", "m7", "--out", tmp_path / "x.zip"), 2)
