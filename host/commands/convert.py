@@ -17,10 +17,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = subparsers.add_parser(
         "convert",
         help="write a recording as CSV, TUM, parquet, .mat, ROS 2 bag",
-        description="Write any recording that `rotdrift score` reads in another format. Nothing is overwritten.",
+        description="Write any recording that `rotdrift score` reads in another format. Nothing is\noverwritten.",
         epilog=(
-            "formats: csv (named columns), endpoints (CSV for docs/rotdrift_score.m), tum, parquet, mat,\n"
-            "         ros2 (bag, a folder), kit (the benchmark authors' layout)\n"
+            "formats: csv (named columns), endpoints (CSV for docs/rotdrift_score.m), tum,\n"
+            "         parquet, mat, ros2 (bag, a folder), kit (the benchmark authors' layout)\n"
             "example: rotdrift convert trial.mcap trial.mat"
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
