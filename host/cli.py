@@ -52,7 +52,7 @@ def build_parser() -> Parser:
     """Assemble the parser of all subcommands; imports no numpy and no driver."""
     parser = Parser(
         prog="rotdrift",
-        description="Measure how far a robot hand lets an object drift per cycle (Rotation Drift Benchmark).",
+        description="Measure how far a robot hand lets an object drift per cycle\n(Rotation Drift Benchmark).",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
