@@ -49,7 +49,7 @@ class SampleArrivals:
         item : StreamItem
             As the link decoded it.
         arrival_ns : (n,) int64
-            When the chunk was received that completed each of its n samples; (1,) for any other packet.
+            When the chunk was received that completed each of its n samples; not looked at for any other packet.
         """
         if isinstance(item, OrientationBatch):
             self._ticks.append(item.device_time_us)

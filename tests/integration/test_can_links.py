@@ -157,19 +157,10 @@ def test_bad_words_from_socketcand_are_counted_and_survived(request: pytest.Fixt
     assert got.session.phase is Phase.STOPPED
 
 
-def test_a_socketcand_server_that_goes_away_is_told() -> None:
+@pytest.mark.parametrize("address", ["can:socketcand:0", "can:slcan:pty"])
+def test_a_server_or_an_adapter_that_goes_away_is_told(address: str) -> None:
     with contextlib.ExitStack() as stack:
-        uri, _ = stack.enter_context(object_on("can:socketcand:0"))
-        with open_transport(uri) as transport:
-            got = receive(transport, lambda got: got.n_samples > 20)
-            stack.close()  # the object goes, and its end of the link with it
-            with pytest.raises(LinkLostError, match="gone"):
-                receive(transport, lambda _: False, got=got)
-
-
-def test_an_adapter_that_is_pulled_is_told() -> None:
-    with contextlib.ExitStack() as stack:
-        uri, _ = stack.enter_context(object_on("can:slcan:pty"))
+        uri, _ = stack.enter_context(object_on(address))
         with open_transport(uri) as transport:
             got = receive(transport, lambda got: got.n_samples > 20)
             stack.close()  # the object goes, and its end of the link with it

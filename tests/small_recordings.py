@@ -1,0 +1,15 @@
+"""A few chunks, and a writer for them."""
+
+from host.recording.writer import RecordingWriter
+from host.transports.chunks import Chunk
+
+WALL = 1_760_000_000_000_000_000
+MONO = 5_000_000_000_000
+
+
+def writer(path, **options):
+    return RecordingWriter(path, "serial:/dev/ttyACM0", WALL, MONO, {"cycles": 10}, **options)
+
+
+def chunks(n=20):
+    return [Chunk(bytes(range(i % 256)) + b"\x00", MONO + i * 1_000_000) for i in range(n)]
