@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from analysis.reporting.figure_style import PaperFigure
+    from analysis.reporting.style import PaperFigure
+    from analysis.scoring.trial_score import TrialScore
     from analysis.series import OrientationSeries
-    from analysis.trial_score import TrialScore
 
 __all__ = ["load", "plot", "score"]
 
@@ -33,7 +33,7 @@ def load(path: str | Path, *, columns: str | None = None, rate_hz: float | None 
     path
         The authors' CSV, CSV with named columns, TUM, x-IMU3, parquet, ROS bag, MCAP.
     columns
-        What the columns mean, e.g. ``"t=time,qw=w,qx=x,qy=y,qz=z"`` (:mod:`analysis.readers.column_spec`).
+        What the columns mean, e.g. ``"t=time,qw=w,qx=x,qy=y,qz=z"`` (:mod:`analysis.formats.columns`).
     rate_hz
         Sampling rate where the file has no time stamps.
 
@@ -46,13 +46,13 @@ def load(path: str | Path, *, columns: str | None = None, rate_hz: float | None 
     ReaderError
         Not a file known here, or damaged.
     """
-    from analysis.readers import read_series
+    from analysis.formats import read_series
 
     return read_series(path, columns=columns, rate_hz=rate_hz)
 
 
 def score(series: OrientationSeries, *, window: tuple[float | None, float | None] | None = None) -> TrialScore:
-    """Score a recording by the benchmark card; see :func:`analysis.scoring.score_series` for every option.
+    """Score a recording by the benchmark card; see :func:`analysis.scoring.trial.score_series` for every option.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def score(series: OrientationSeries, *, window: tuple[float | None, float | None
     TrialScore
         ``valid`` is False, with the reasons, where no drift can be claimed.
     """
-    from analysis.scoring import score_series
+    from analysis.scoring.trial import score_series
 
     return score_series(series, window=window)
 

@@ -9,9 +9,9 @@ import numpy as np
 from benchmarks import peers
 from benchmarks.can_streams import NODE, can_database, classic_log
 from benchmarks.measurement import GAIN, Topic, figure, ratio, rounds_of
-from firmware_protocol.can_decoder import CanStreamDecoder
-from firmware_protocol.can_frames import CLASSIC_BYTES, frame_array, record_dtype
-from firmware_protocol.can_mapping import CanFunction, arbitration_id
+from firmware_protocol.can.decoder import CanStreamDecoder
+from firmware_protocol.can.frames import CLASSIC_BYTES, frame_array, record_dtype
+from firmware_protocol.can.mapping import CanFunction, arbitration_id
 from firmware_protocol.packets import OrientationBatch
 
 BATCH_FRAMES = 4000

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.sample_streams import turning
-from firmware_protocol.can_dbc import dbc_text
-from firmware_protocol.can_frames import BATCH_VERSION, CLASSIC_BYTES, record_dtype
-from firmware_protocol.can_mapping import CanFunction, SampleState, TimeMark, arbitration_id, time_interval
+from firmware_protocol.can.dbc import dbc_text
+from firmware_protocol.can.frames import BATCH_VERSION, CLASSIC_BYTES, record_dtype
+from firmware_protocol.can.mapping import CanFunction, SampleState, TimeMark, arbitration_id, time_interval
 from firmware_protocol.quantization import quats_to_smallest_three
 
 NODE = 1

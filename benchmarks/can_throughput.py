@@ -28,12 +28,12 @@ from benchmarks.report import markdown
 from emulator.links import open_link
 from emulator.runner import run
 from emulator.scenario import load_scenario
-from firmware_protocol.can_encoder import command_frame
-from firmware_protocol.can_mapping import CanFunction, arbitration_id
+from firmware_protocol.can.encoder import command_frame
+from firmware_protocol.can.mapping import CanFunction, arbitration_id
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import SetRate, Start
-from host.link import Link
-from host.transports import open_transport
+from host.links import open_transport
+from host.stream.decoding import Link
 
 RATE_HZ = 1000
 SETTLE_S = 0.5

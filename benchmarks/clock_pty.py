@@ -23,15 +23,15 @@ from multiprocessing.synchronize import Event
 import numpy as np
 import numpy.typing as npt
 
-from emulator.device_clock import ClockSettings, DeviceClock
+from emulator.device.clock import ClockSettings, DeviceClock
 from emulator.links import open_link
 from emulator.runner import run
 from emulator.scenario import Scenario, load_scenario
 from firmware_protocol.packets import OrientationBatch, Start, TimeReply, TimeRequest
-from firmware_protocol.stream import StreamDecoder, encode_command
+from firmware_protocol.serial.decoder import StreamDecoder, encode_command
 from host.clock.device_clock import DeviceClock as HostClock
 from host.clock.remap import remap
-from host.transports import open_transport
+from host.links import open_transport
 
 SEED = 7
 

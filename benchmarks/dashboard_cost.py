@@ -66,7 +66,7 @@ def run_one(link: str, folder: Path, seconds: float) -> None:
     from host.capture.loop import CaptureSettings
     from host.screen.live_screen import LiveScreen
     from host.screen.screens import open_screen
-    from host.trial import Trial
+    from host.trial.live import Trial
 
     delays: list[tuple[int, int]] = []
     arrivals: list[tuple[float, int]] = []

@@ -13,9 +13,9 @@ from benchmarks import peers
 from benchmarks.measurement import COST, GAIN, Curve, Topic, figure, ratio, rounds_of
 from benchmarks.native import NoCompilerError, native_decode
 from benchmarks.sample_streams import FRAME_BYTES, Stream, clean_stream, mixed_stream
-from firmware_protocol import stream as stream_module
 from firmware_protocol.packets import OrientationBatch
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial import decoder as stream_module
+from firmware_protocol.serial.decoder import StreamDecoder
 
 CHUNK_BYTES = 1 << 20
 _PEERS: dict[str, tuple[Callable[[int], Callable[[], object]], str, float]] = {

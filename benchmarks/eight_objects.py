@@ -19,7 +19,7 @@ from benchmarks.native import NoCompilerError, build
 from host.capture.loop import STATE_NS, CaptureSettings
 from host.capture.several import capture_several
 from host.screen.screens import QuietScreen
-from host.trial_state import TrialState
+from host.trial.state import TrialState
 
 OBJECTS = 8
 GOAL_HZ = 20_000

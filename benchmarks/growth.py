@@ -7,13 +7,13 @@ from statistics import median
 
 import numpy as np
 
-from analysis.scoring import score_series
+from analysis.scoring.trial import score_series
 from benchmarks.measurement import COST, Curve, Topic, cpu_s, figure
 from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
 from benchmarks.scoring import RATE_HZ, long_series
-from firmware_protocol.stream import StreamDecoder
-from host.transports.chunks import Chunk
-from host.trial import Trial
+from firmware_protocol.serial.decoder import StreamDecoder
+from host.links.transport import Chunk
+from host.trial.live import Trial
 
 FLAT = 2.0
 """Largest cost per unit over the smallest that still counts as flat, noise of a shared machine included."""

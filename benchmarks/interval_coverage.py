@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis import rotations
-from analysis.drift import rotation_drift
-from analysis.uncertainty import drift_interval
+from analysis.geometry import rotations
+from analysis.scoring.card import rotation_drift
+from analysis.scoring.interval import drift_interval
 
 STEPS = (5, 8, 20, 50)
 THETAS_DEG = (0.0, 0.3, 1.0, 3.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
 from host.recording import format as fmt
-from host.recording.ros_message import CDR_LITTLE_ENDIAN
+from host.recording.cdr import CDR_LITTLE_ENDIAN
 from host.recording.writer import RecordingWriter
 
 PER_READ = 10

@@ -19,9 +19,9 @@ from statistics import median
 from benchmarks.growth import stream_chunks
 from benchmarks.measurement import COST, GAIN, Row, Topic, cpu_s, figure
 from benchmarks.native import NoCompilerError, build
+from host.links.transport import Chunk
 from host.recording.writer import RecordingWriter
-from host.transports.chunks import Chunk
-from host.trial import Trial
+from host.trial.live import Trial
 
 RATE_HZ = 1000
 OBJECTS = 8
@@ -29,8 +29,8 @@ GOAL_HZ = 20_000
 _READER = """
 import json, resource, sys, time
 from firmware_protocol.packets import OrientationBatch
-from firmware_protocol.stream import StreamDecoder
-from host.transports import open_transport
+from firmware_protocol.serial.decoder import StreamDecoder
+from host.links import open_transport
 n = int(sys.argv[2])
 transport = open_transport("serial:" + sys.argv[1])
 decoder, latency = StreamDecoder(), []

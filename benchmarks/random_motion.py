@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from scipy import signal
 
-from analysis.cycles import find_cycles
+from analysis.cycles.search import find_cycles
 from analysis.series import OrientationSeries
 from tests.simulated_motion import from_angular_velocity, from_rotation_vectors, random_smooth
 

@@ -27,13 +27,13 @@ from queue import SimpleQueue
 
 from benchmarks.measurement import COST, Row, Topic, figure
 from benchmarks.report import markdown
-from emulator.faults import parse_fault_command
+from emulator.faults.definitions import parse_fault_command
 from emulator.links import open_link
 from emulator.runner import run
 from emulator.scenario import load_scenario
+from host.links import open_lasting
+from host.links.transport import Transport
 from host.recording.reader import RecordingReader
-from host.transports import open_lasting
-from host.transports.chunks import Transport
 from host.virtual_object_process import VirtualObjectProcess
 
 PATIENCE_S = 30.0

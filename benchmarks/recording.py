@@ -20,10 +20,10 @@ from benchmarks.measurement import COST, GAIN, Topic, cpu_s, figure
 from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Status
-from firmware_protocol.serial_framing import encode_frame
+from firmware_protocol.serial.framing import encode_frame
+from host.links.transport import Chunk
 from host.recording.reader import RecordingReader
 from host.recording.writer import RecordingWriter
-from host.transports.chunks import Chunk
 
 RATE_HZ = 1000
 PERIOD_US = 1_000_000 // RATE_HZ
@@ -35,9 +35,9 @@ _SCORE = """
 import json, sys, time
 from benchmarks.recording import peak_kib as peak
 from pathlib import Path
-from host.recording.recorded_trial import load_trial
-from host.scoring.result import ScoreOptions, score_trial
-import analysis.scoring, scipy.fft, scipy.ndimage  # start-up has a topic of its own
+from host.recording.load import load_trial
+from host.results.result import ScoreOptions, score_trial
+import analysis.scoring.trial, scipy.fft, scipy.ndimage  # start-up has a topic of its own
 base = peak()
 start, wall = time.process_time(), time.perf_counter()
 trial = load_trial(Path(sys.argv[1]))
@@ -57,8 +57,8 @@ import json, sys, time
 from benchmarks.recording import peak_kib as peak
 from pathlib import Path
 from firmware_protocol.packets import OrientationBatch
-from host.link import Link
-from host.recording.raw_stretch import RawStretch
+from host.stream.decoding import Link
+from host.recording.bulk.raw_stretch import RawStretch
 from host.recording.reader import RecordingReader
 base = peak()
 start = time.process_time()

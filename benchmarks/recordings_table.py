@@ -21,11 +21,11 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import rotations
-from analysis.cycles import CycleAnalysis, Endpoint, find_cycles
-from analysis.drift import rotation_drift
-from analysis.online_cycles import OnlineCycleDetector
-from analysis.readers import read_series
+from analysis.cycles.online.detector import OnlineCycleDetector
+from analysis.cycles.search import CycleAnalysis, Endpoint, find_cycles
+from analysis.formats import read_series
+from analysis.geometry import rotations
+from analysis.scoring.card import rotation_drift
 from analysis.series import FloatArray, OrientationSeries
 
 FOLDER = Path(os.environ.get("ROTDRIFT_RECORDINGS", Path(__file__).resolve().parents[2] / "shared" / "recordings"))

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from analysis import rotations
-from analysis.online_angle import OnlineAngle, _rotation_vector
+from analysis.cycles.online.angle import OnlineAngle, _rotation_vector
+from analysis.geometry import rotations
 from benchmarks.measurement import COST, Topic, figure, ratio, rounds_of
 
 GOAL = 0.2

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from firmware_protocol import codec
 from firmware_protocol.packets import Ack, Event, EventKind, PacketType, RawImu, Status, TimeReply
-from firmware_protocol.serial_framing import encode_frame
+from firmware_protocol.serial.framing import encode_frame
 
 FRAME_BYTES = 21
 """One ORIENTATION frame with both delimiters."""

@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 
-from analysis.scoring import score_series
+from analysis.scoring.trial import score_series
 from analysis.series import OrientationSeries
 from benchmarks.measurement import Topic, cpu_s, figure
 from benchmarks.sample_streams import turning

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from analysis.cycles import CycleAnalysis, CycleSettings, find_cycles
+from analysis.cycles.search import CycleAnalysis, CycleSettings, find_cycles
 from analysis.series import FloatArray, OrientationSeries
 
 LIMIT = 0.01

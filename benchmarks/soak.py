@@ -24,10 +24,10 @@ from emulator.links.memory_link import MemoryLink
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
 from host.capture.loop import Capture, CaptureSettings
+from host.links.transport import Chunk, ClosingTransport, LinkEnd
 from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen
-from host.transports.chunks import Chunk, ClosingTransport, LinkEnd
-from host.trial import Trial
+from host.trial.live import Trial
 
 START_NS = 10**12
 AHEAD_STEPS = 20

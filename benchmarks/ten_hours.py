@@ -24,8 +24,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
+from host.links.transport import Chunk
 from host.recording.writer import RecordingWriter
-from host.transports.chunks import Chunk
 
 RATE_HZ = 200.0
 PERIOD_S = 6.0

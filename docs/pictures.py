@@ -18,9 +18,9 @@ from rich.terminal_theme import MONOKAI
 
 from host.capture.loop import CaptureSettings
 from host.capture.run import DEFAULT_FOLDER, run_capture
-from host.dashboard import render
+from host.screen.dashboard.picture import render
 from host.screen.screens import QuietScreen
-from host.trial_state import TrialState
+from host.trial.state import TrialState
 from host.virtual_object_process import VirtualObjectProcess
 
 WIDTH, HEIGHT = 100, 32

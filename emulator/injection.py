@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from emulator.faults import FaultLog, FaultSettings, LiveFault, RateChange, TimedFault
-from emulator.frame_faults import ByteFaults, PacketFaults
+from emulator.faults.definitions import FaultLog, FaultSettings, LiveFault, RateChange, TimedFault
+from emulator.faults.frame_faults import ByteFaults, PacketFaults
 from emulator.links import Link
 from emulator.links.byte_stream import ByteLink
 from emulator.second_object import SecondObject

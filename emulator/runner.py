@@ -17,7 +17,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from emulator import EmulatorError
-from emulator.faults import LiveFault
+from emulator.faults.definitions import LiveFault
 from emulator.injection import FaultInjector
 from emulator.links import Link
 from emulator.scenario import Scenario
@@ -76,7 +76,8 @@ def run(
     seed
         In place of the scenario's.
     live_faults
-        Faults put here happen at once, whatever their ``at_s``; see :func:`emulator.faults.parse_fault_command`.
+        Faults put here happen at once, whatever their ``at_s``; see
+        :func:`emulator.faults.definitions.parse_fault_command`.
 
     Returns
     -------

@@ -12,11 +12,11 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from emulator import ScenarioError
-from emulator.device_clock import ClockSettings
-from emulator.device_settings import DeviceSettings
-from emulator.faults import FaultSettings
-from emulator.imu_model import ImuSettings
-from emulator.motion import DriftSettings, MotionSettings
+from emulator.device.clock import ClockSettings
+from emulator.device.imu_model import ImuSettings
+from emulator.device.settings import DeviceSettings
+from emulator.faults.definitions import FaultSettings
+from emulator.motion.hand_motion import DriftSettings, MotionSettings
 from emulator.settings import check_settings, integer, read_table, table, text
 
 __all__ = ["Scenario", "ScenarioError", "load_scenario", "scenario_names"]

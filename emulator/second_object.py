@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from emulator.device_clock import DeviceClock
-from emulator.firmware import Firmware
-from emulator.imu_model import ImuModel
-from emulator.rotation import FloatArray
-from emulator.transmit_queue import Sink
+from emulator.device.clock import DeviceClock
+from emulator.device.firmware import Firmware
+from emulator.device.imu_model import ImuModel
+from emulator.device.transmit_queue import Sink
+from emulator.motion.rotation import FloatArray
 from emulator.virtual_object import VirtualObject
 
 __all__ = ["SecondObject"]

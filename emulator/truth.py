@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from emulator.device_clock import DeviceClock
-from emulator.motion import Extremes
-from emulator.rotation import FloatArray, conjugate, multiply, to_rotation_vector
-from emulator.sample_stream import SampleBlock
+from emulator.device.clock import DeviceClock
+from emulator.device.sample_stream import SampleBlock
+from emulator.motion.hand_motion import Extremes
+from emulator.motion.rotation import FloatArray, conjugate, multiply, to_rotation_vector
 from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US
 
 __all__ = ["FORMAT", "EndpointWatch", "mean_drift", "step_angles_deg", "write_truth"]

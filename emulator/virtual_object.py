@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from emulator.device_clock import DeviceClock
-from emulator.firmware import Firmware
-from emulator.imu_model import ImuModel
-from emulator.motion import HandMotion
-from emulator.rotation import FloatArray
-from emulator.sample_stream import SampleBlock
+from emulator.device.clock import DeviceClock
+from emulator.device.firmware import Firmware
+from emulator.device.imu_model import ImuModel
+from emulator.device.sample_stream import SampleBlock
+from emulator.device.transmit_queue import Sink
+from emulator.motion.hand_motion import HandMotion
+from emulator.motion.rotation import FloatArray
 from emulator.scenario import Scenario
-from emulator.transmit_queue import Sink
 from emulator.truth import FORMAT, EndpointWatch
 
 __all__ = ["VirtualObject"]

@@ -111,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
             return 0
         if isinstance(error, OSError) and error.filename is not None:  # a name too long, a folder that has vanished
-            from host.plain_text import plain
+            from host.text import plain
 
             refused = unreadable(plain(error.filename), error)
             return _say(error, str(refused), refused.exit_code, args.debug)

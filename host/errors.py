@@ -11,7 +11,7 @@ HostError
         WrongObjectError        what answers is not what can be captured: protocol version, refused command
     FileError       4   a file: missing, not a recording, empty, exists already, cannot be written
 
-The number is the exit code of the command. Driver errors are translated once, in ``host/transports``, ``from error``.
+The number is the exit code of the command. Driver errors are translated once, in ``host/links``, ``from error``.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from host.errors import LinkError
-from host.plain_text import plain
+from host.text import plain
 
 READY_S = 30.0
 STOP_S = 20.0

@@ -11,15 +11,16 @@ from typing import Any
 
 from emulator.links import Link as ObjectLink
 from emulator.links import open_link
-from emulator.links.can_link import FrameTamper
+from emulator.links.can.link import FrameTamper
 from emulator.runner import run
 from emulator.scenario import load_scenario
+from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import Info, OrientationBatch, PacketType, Status
-from firmware_protocol.stream import StreamItem, encode_command
-from host.link import Link
-from host.session import Phase, Session, SessionSettings
-from host.transports import open_transport
-from host.transports.chunks import AnyChunk
+from firmware_protocol.serial.decoder import encode_command
+from host.links import open_transport
+from host.links.transport import AnyChunk
+from host.stream.decoding import Link
+from host.stream.session import Phase, Session, SessionSettings
 
 LINKS = {
     "pty": "pty:",

@@ -6,12 +6,12 @@ import dataclasses
 
 import numpy as np
 
-from firmware_protocol.can_encoder import CanObject
-from firmware_protocol.can_frames import CanFrame
-from firmware_protocol.can_mapping import NODE_BITS, CanFunction
+from firmware_protocol.can.encoder import CanObject
+from firmware_protocol.can.frames import CanFrame
+from firmware_protocol.can.mapping import NODE_BITS, CanFunction
 from firmware_protocol.codec import encode_packet
+from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import Info, Orientation, OrientationBatch, OrientationFlag
-from firmware_protocol.stream import StreamItem
 
 
 def unit_quaternions(n: int, seed: int = 1) -> np.ndarray:
@@ -88,7 +88,7 @@ def joined(items: list[StreamItem]) -> OrientationBatch:
 
 def fed(decoder: object, frames: list[CanFrame], at_once: int) -> list[StreamItem]:
     """Everything a decoder makes of frames, given a few at a time."""
-    from firmware_protocol.can_frames import pack_frames
+    from firmware_protocol.can.frames import pack_frames
 
     items: list[StreamItem] = []
     for start in range(0, len(frames), at_once):

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from emulator.device_settings import CardSettings, WeightSettings
+from emulator.device.settings import CardSettings, WeightSettings
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
 
 OBJECTS = {

@@ -3,9 +3,9 @@
 from emulator.injection import FaultInjector
 from emulator.links.memory_link import MemoryLink
 from emulator.virtual_object import VirtualObject
-from host.link import Link
-from host.session import Session, SessionSettings
-from host.transports.chunks import Chunk
+from host.links.transport import Chunk
+from host.stream.decoding import Link
+from host.stream.session import Session, SessionSettings
 from tests.recorded_trials import MONOTONIC_NS
 
 SETTLE_S = 1.2

@@ -17,16 +17,16 @@ import threading
 import zipfile
 from pathlib import Path
 
-from firmware_protocol.can_frames import pack_frames
+from firmware_protocol.can.frames import pack_frames
 from host.capture.playback import play, recorded_actions, recorded_commands
 from host.cli import main
-from host.operator_actions import OperatorAction
+from host.links.transport import FrameChunk
 from host.recording import format as fmt
+from host.recording.replay_link import ReplayTransport
 from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen
-from host.transports.chunks import FrameChunk
-from host.transports.replay import ReplayTransport
-from host.trial import Trial
+from host.trial.live import Trial
+from host.trial.operator import OperatorAction
 from tests.can_traffic import object_at
 from tests.emulated_packets import trial_packets
 from tests.faulty_trials import faulty_chunks

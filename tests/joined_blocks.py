@@ -1,6 +1,6 @@
 """Blocks of samples as one series."""
 
-from host.sample_series import SampleGatherer
+from host.stream.series import SampleGatherer
 
 
 def series_of(blocks, source="test"):

@@ -3,7 +3,7 @@
 import json
 
 from analysis.reporting.trial_report import CardRow, CardTable, TrialReport
-from analysis.scoring import score_series
+from analysis.scoring.trial import score_series
 from tests.simulated_motion import simulate, trapezoid
 
 

@@ -1,7 +1,7 @@
 """A few chunks, and a writer for them."""
 
+from host.links.transport import Chunk
 from host.recording.writer import RecordingWriter
-from host.transports.chunks import Chunk
 
 WALL = 1_760_000_000_000_000_000
 MONO = 5_000_000_000_000

@@ -3,9 +3,9 @@
 import threading
 
 from host.capture.playback import play
+from host.links.memory import MemoryTransport
 from host.screen.screens import QuietScreen
-from host.transports.memory import MemoryTransport
-from host.trial import Trial
+from host.trial.live import Trial
 
 
 class AlarmLog(QuietScreen):

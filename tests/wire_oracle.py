@@ -12,16 +12,16 @@ from emulator.injection import FaultInjector
 from emulator.links import Link as ObjectLink
 from emulator.links.memory_link import MemoryLink
 from emulator.virtual_object import VirtualObject
-from firmware_protocol.can_decoder import CanStreamDecoder
-from firmware_protocol.can_encoder import CanObject, command_frame
-from firmware_protocol.can_frames import pack_frames
+from firmware_protocol.can.decoder import CanStreamDecoder
+from firmware_protocol.can.encoder import CanObject, command_frame
+from firmware_protocol.can.frames import pack_frames
 from firmware_protocol.codec import decode_packet, encode_packet
 from firmware_protocol.errors import ProtocolError
 from firmware_protocol.packets import PacketType, Status
-from firmware_protocol.stream import encode_command
-from host.link import Link
-from host.session import Session, SessionSettings
-from host.transports.chunks import Chunk, FrameChunk
+from firmware_protocol.serial.decoder import encode_command
+from host.links.transport import Chunk, FrameChunk
+from host.stream.decoding import Link
+from host.stream.session import Session, SessionSettings
 from tests.faulty_trials import SETTLE_S
 from tests.recorded_trials import MONOTONIC_NS
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from firmware_protocol import codec, schema
+from firmware_protocol.items import ForeignInfo
 from firmware_protocol.packets import (
     Ack,
     Event,
@@ -28,8 +29,8 @@ from firmware_protocol.packets import (
     Status,
     TimeReply,
 )
-from firmware_protocol.serial_framing import encode_frame
-from firmware_protocol.stream import ForeignInfo, StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
+from firmware_protocol.serial.framing import encode_frame
 
 LATE_WINDOW = 256
 LONGEST_PIECE = 255

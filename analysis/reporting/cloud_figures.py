@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.reporting.clouds import BODY_AXES, Clouds
 from analysis.reporting.point_numbers import draw_numbers
 from analysis.series import FloatArray

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from analysis import rotations
+from analysis.geometry import rotations
 from analysis.series import FloatArray, OrientationSeries
 
 MAX_CLOUD_POINTS = 3000

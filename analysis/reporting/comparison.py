@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.reporting.errors import ComparisonError
-from analysis.reporting.summary import PooledFigure, TrialFigure, pool
+from analysis.reporting.tables import PooledFigure, TrialFigure, pool
 
 MANY = 10
 """From so many differences on it is said how many of them chance alone may call larger."""
@@ -191,7 +191,7 @@ def forest_figure(rows: Sequence[PooledFigure]) -> look.PaperFigure:
     Parameters
     ----------
     rows
-        As :func:`compare` gives them; call inside :func:`analysis.reporting.figure_style.style`.
+        As :func:`compare` gives them; call inside :func:`analysis.reporting.style.style`.
     """
     groups = list(dict.fromkeys((row.object, row.motion) for row in rows))
     figure = look.new_figure(0.9 + 0.21 * (len(rows) + len(groups)), 6.0)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from analysis.reporting import cloud_figures, figures
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.reporting.clouds import clouds_of
 from analysis.reporting.trial_report import TrialReport
 
@@ -84,7 +84,7 @@ def caption(trial: TrialReport, name: str) -> str:
 
 
 def make_figure(trial: TrialReport, name: str) -> look.PaperFigure | None:
-    """Make one figure; call inside :func:`analysis.reporting.figure_style.style`.
+    """Make one figure; call inside :func:`analysis.reporting.style.style`.
 
     Parameters
     ----------

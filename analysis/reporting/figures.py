@@ -1,7 +1,7 @@
 """The flat figures of a trial: rotation over time, steps, drift path, sensitivity, link.
 
 Every function takes the series and the score as JSON values, and returns a matplotlib figure one paper column wide.
-Make and save them inside :func:`analysis.reporting.figure_style.style`.
+Make and save them inside :func:`analysis.reporting.style.style`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.figure import FigureBase
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from analysis import rotations
-from analysis.reporting import figure_style as look
+from analysis.geometry import rotations
+from analysis.reporting import style as look
 from analysis.reporting.clouds import endpoint_arrays, turn_about_axis
 from analysis.reporting.point_numbers import draw_numbers
 from analysis.reporting.result_view import ResultView

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.reporting.clouds import BODY_AXES, Clouds, clouds_of
 from analysis.reporting.trial_report import TrialReport
 from analysis.series import FloatArray

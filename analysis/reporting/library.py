@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import Any
 
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.reporting import wording
 from analysis.reporting.figure_set import CAPTIONS, make_figure
 from analysis.reporting.trial_report import TrialReport

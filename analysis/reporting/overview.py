@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.reporting.comparison import forest_figure
-from analysis.reporting.summary import COLUMNS as COLUMNS
-from analysis.reporting.summary import PooledFigure, TrialFigure, figure_cells, pool
+from analysis.reporting.tables import COLUMNS as COLUMNS
+from analysis.reporting.tables import PooledFigure, TrialFigure, figure_cells, pool
 from analysis.reporting.trial_report import TrialReport
 
 
 def pooled(trials: Sequence[TrialReport]) -> list[PooledFigure]:
-    """Pool the repeats among the trials of a report; see :func:`analysis.reporting.summary.pool`."""
+    """Pool the repeats among the trials of a report; see :func:`analysis.reporting.tables.pool`."""
     return pool(
         [
             TrialFigure(trial.hand, trial.object, trial.motion, trial.view.theta_bar_deg, trial.view.interval_deg)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.lines import Line2D
 
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.reporting.figure_set import NamedFigure
 
 PAGE_IN = (8.27, 11.69)

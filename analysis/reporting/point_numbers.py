@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.patheffects import withStroke
 
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.series import FloatArray
 
 _DISTANCES_PT = (6.0, 9.0, 13.0, 18.0)

@@ -10,10 +10,10 @@ from typing import Any
 
 from markupsafe import Markup
 
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.reporting.comparison import CRITERION, Comparison, compare_figures, difference_text, forest_figure
-from analysis.reporting.report import TEMPLATES, environment
-from analysis.reporting.summary import COLUMNS, PooledFigure, figure_cells, summary_csv, summary_latex, summary_markdown
+from analysis.reporting.html import TEMPLATES, environment
+from analysis.reporting.tables import COLUMNS, PooledFigure, figure_cells, summary_csv, summary_latex, summary_markdown
 
 TITLE = "Rotation drift: results compared"
 

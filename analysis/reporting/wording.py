@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.reporting.result_view import number
 from analysis.reporting.trial_report import TrialReport
 

@@ -28,7 +28,7 @@ _MODULES = {
     "pty": "emulator.links.pty_link",
     "tcp": "emulator.links.tcp_link",
     "file": "emulator.links.file_link",
-    "can": "emulator.links.can_link",
+    "can": "emulator.links.can.link",
 }
 
 

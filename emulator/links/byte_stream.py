@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from emulator.links import Link
-from firmware_protocol.serial_framing import FrameDecoder, encode_frame
+from firmware_protocol.serial.framing import FrameDecoder, encode_frame
 
 __all__ = ["ByteLink", "Tamper"]
 

@@ -13,7 +13,7 @@ from emulator import EmulatorError, LinkError
 from emulator.links.byte_stream import ByteLink
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Start
-from firmware_protocol.serial_framing import encode_frame
+from firmware_protocol.serial.framing import encode_frame
 
 __all__ = ["FileLink", "from_address"]
 

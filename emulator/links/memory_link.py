@@ -7,7 +7,7 @@ from collections import deque
 from emulator.links.byte_stream import ByteLink
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Command
-from firmware_protocol.serial_framing import encode_frame
+from firmware_protocol.serial.framing import encode_frame
 
 __all__ = ["MemoryLink"]
 

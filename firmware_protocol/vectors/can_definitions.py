@@ -7,9 +7,9 @@ import math
 from typing import Any
 
 from firmware_protocol import packets as p
-from firmware_protocol.can_encoder import CanObject, command_frame
-from firmware_protocol.can_frames import CanFrame
-from firmware_protocol.can_long_packets import LongPacketChannel
+from firmware_protocol.can.encoder import CanObject, command_frame
+from firmware_protocol.can.frames import CanFrame
+from firmware_protocol.can.iso_tp import LongPacketChannel
 from firmware_protocol.codec import encode_packet
 
 NODE = 5

@@ -14,7 +14,7 @@ from cobs import cobs
 from firmware_protocol import packets as p
 from firmware_protocol import schema
 from firmware_protocol.quantization import quat_to_q15, quat_to_smallest_three
-from firmware_protocol.serial_framing import MAX_PACKET_BYTES, checksum, encode_frame
+from firmware_protocol.serial.framing import MAX_PACKET_BYTES, checksum, encode_frame
 from firmware_protocol.wire_values import TO_WIRE
 
 _SQRT_HALF = math.sqrt(0.5)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections import deque
 from statistics import median
 
-from analysis.uncertainty import MIN_STEPS
-from host.trial_state import MOVING_DPS, Alarm, CycleRow, TrialState
+from analysis.scoring.interval import MIN_STEPS
+from host.trial.state import MOVING_DPS, Alarm, CycleRow, TrialState
 
 NO_CYCLES_S, NO_CYCLES_PERIODS = 15.0, 3.0
 """No cycle found after so much movement, whichever is longer."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from host.trial_state import MOVING_DPS, REST_DPS, GuideView, TrialState
+from host.trial.state import MOVING_DPS, REST_DPS, GuideView, TrialState
 
 REST_PERIODS = 1.5
 """A hand that rests so long between cycles has been stopped early."""

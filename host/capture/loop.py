@@ -19,16 +19,16 @@ from host.capture.alarms import AlarmWatch
 from host.capture.guide import Guide, GuideSettings
 from host.capture.operator_desk import OperatorDesk
 from host.errors import HostError, LinkError, LinkLostError, WrongObjectError
-from host.operator_actions import GUIDE, OperatorAction
-from host.reader import ReaderThread
+from host.links.reader_thread import ReaderThread
+from host.links.transport import AnyChunk, Transport
 from host.recording import format as fmt
 from host.recording.views import add_views
 from host.recording.writer import RecordingWriter
 from host.screen.screens import Screen
-from host.session import Phase, Session, SessionSettings
-from host.transports.chunks import AnyChunk, Transport
-from host.trial import Trial, TrialUpdate
-from host.trial_state import LinkView, RecordingView, TrialState
+from host.stream.session import Phase, Session, SessionSettings
+from host.trial.live import Trial, TrialUpdate
+from host.trial.operator import GUIDE, OperatorAction
+from host.trial.state import LinkView, RecordingView, TrialState
 
 LOOP_S = 0.02
 """Longest wait for a chunk: how late a timeout or a flush may be."""
@@ -51,13 +51,13 @@ class CaptureSettings:
     reconnect_s: float = 30.0
     """How long a lost link may take to come back; 0 ends the capture at once."""
     debug_link: Path | None = None
-    """File for everything that crosses the link, in hexadecimal; see :mod:`host.transports.link_log`."""
+    """File for everything that crosses the link, in hexadecimal; see :mod:`host.links.link_log`."""
     until_half_width_deg: float | None = None
     """End when the confidence interval of θ̄ is so narrow: half its width, deg."""
     guide: GuideSettings | None = None
     """Lead through the trial step by step; None for no guide."""
     read_pause_s: float = 0.0
-    """Rest of a live link's reading thread, for other links; see :class:`host.reader.ReaderThread`."""
+    """Rest of a live link's reading thread, for other links; see :class:`host.links.reader_thread.ReaderThread`."""
     linger_periods: float = 0.35
     """How long to go on after the last cycle: the offline search wants to see the way back from it."""
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from host import operator_actions as did
-from host.operator_actions import OperatorAction
 from host.screen.keys import ScreenAction
-from host.trial import Trial
-from host.trial_state import OperatorMark, WindowView
+from host.trial import operator as did
+from host.trial.live import Trial
+from host.trial.operator import OperatorAction
+from host.trial.state import OperatorMark, WindowView
 
 MAX_MARKS = 20
 """Markers and notes kept for the screen."""

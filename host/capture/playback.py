@@ -9,20 +9,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import TimeReply
-from firmware_protocol.stream import StreamItem
 from host.capture.alarms import AlarmWatch
 from host.capture.loop import STATE_NS
 from host.capture.operator_desk import OperatorDesk
-from host.operator_actions import OperatorAction, action_of
+from host.links.transport import AnyChunk, LinkEnd, Transport
 from host.recording import format as fmt
+from host.recording.arrivals import RecordedRoundTrips
 from host.recording.reader import RecordingReader
-from host.recording.round_trips import RecordedRoundTrips
 from host.screen.screens import Screen
-from host.session import RoundTrip
-from host.transports.chunks import AnyChunk, LinkEnd, Transport
-from host.trial import Trial
-from host.trial_state import LinkView, RecordingView, TrialState
+from host.stream.session import RoundTrip
+from host.trial.live import Trial
+from host.trial.operator import OperatorAction, action_of
+from host.trial.state import LinkView, RecordingView, TrialState
 
 READ_S = 0.05
 

@@ -11,19 +11,19 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from analysis.baseline import StaticBaseline
+from analysis.scoring.trial_score import TrialScore
+from analysis.sensor.baseline import StaticBaseline
 from analysis.series import AnalysisError
-from analysis.trial_score import TrialScore
 from host.capture.loop import Capture, CaptureOutcome, CaptureSettings
 from host.errors import FileError, LinkError
-from host.recording.recorded_trial import RecordedTrial, load_trial
+from host.links import open_lasting
+from host.links.link_log import LinkLog
+from host.recording.load import RecordedTrial, load_trial
 from host.recording.writer import RecordingWriter
-from host.scoring.result import ScoreOptions, score_trial, write_result
+from host.results.result import ScoreOptions, score_trial, write_result
 from host.screen.screens import Screen
-from host.transports import open_lasting
-from host.transports.link_log import LinkLog
-from host.trial import Trial
-from host.trial_state import TrialState
+from host.trial.live import Trial
+from host.trial.state import TrialState
 
 DEFAULT_FOLDER = Path("rotdrift-trials")
 HOLD_S = 3600.0
@@ -139,7 +139,7 @@ def difference_line(live_deg: float | None, score: TrialScore) -> str:
 
 def _baseline(path: Path) -> StaticBaseline:
     """Load a baseline for the live view, before a minute is spent on a trial that cannot use it."""
-    from analysis.baseline_file import load_baseline
+    from analysis.sensor.baseline_file import load_baseline
 
     try:
         return load_baseline(path)

@@ -12,10 +12,10 @@ from typing import Any
 from host.capture.loop import CaptureSettings
 from host.capture.run import FinishedCapture, run_capture
 from host.errors import HostError
-from host.scoring.result import ScoreOptions
+from host.results.result import ScoreOptions
 from host.screen.keys import ScreenAction
 from host.screen.screens import Screen
-from host.trial_state import CycleRow, TrialState
+from host.trial.state import CycleRow, TrialState
 
 PAUSE_S = 0.001
 """For every other object, a link rests so long after a read on which more followed: all of them together are then read

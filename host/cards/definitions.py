@@ -19,7 +19,7 @@ import tomli_w
 from msgspec import Meta
 
 from host.errors import FileError, unreadable
-from host.plain_text import plain
+from host.text import plain
 
 MAX_CARD_BYTES = 1_000_000
 """A larger file is not a card."""

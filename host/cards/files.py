@@ -19,7 +19,7 @@ from host.cards.definitions import (
     merged,
 )
 from host.errors import FileError
-from host.plain_text import plain
+from host.text import plain
 
 CARD_FILES = ("cards.toml", "object.toml", "hand.toml", "trial.toml")
 """Names looked for beside a recording and in the folder above, after ``<name of the recording>.toml``."""

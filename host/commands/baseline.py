@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from analysis.baseline import StaticBaseline
+    from analysis.sensor.baseline import StaticBaseline
     from analysis.series import OrientationSeries
 
 DEFAULT_DURATION_S = 60.0
@@ -20,7 +20,7 @@ CYCLES_SHOWN = 10
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
-    from host.scoring.arguments import add_read_arguments
+    from host.results.arguments import add_read_arguments
 
     parser = subparsers.add_parser(
         "baseline",
@@ -53,8 +53,8 @@ def run(args: argparse.Namespace) -> int:
     LinkError
         The link cannot be opened, or nothing came from it.
     """
-    from analysis.baseline import measure_baseline
-    from analysis.baseline_file import save_baseline
+    from analysis.sensor.baseline import measure_baseline
+    from analysis.sensor.baseline_file import save_baseline
     from analysis.series import BaselineError
     from host.errors import FileError, HostError, unwritable
 
@@ -89,8 +89,8 @@ def _is_recording(path: Path) -> bool:
 
 
 def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
-    from host.scoring.arguments import read_options
-    from host.scoring.scored_recording import read_recording
+    from host.results.any_file import read_recording
+    from host.results.arguments import read_options
 
     series, trial = read_recording(path, read_options(args))
     return series, () if trial is None else trial.temperatures_c
@@ -103,7 +103,7 @@ def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[fl
     from host.capture.loop import CaptureSettings
     from host.capture.run import record
     from host.errors import LinkError
-    from host.recording.recorded_trial import load_trial
+    from host.recording.load import load_trial
     from host.screen.screens import QuietScreen
     from host.stop_signals import StopSignals
 
@@ -133,7 +133,7 @@ def _print(baseline: StaticBaseline) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from host.plain_text import plain
+    from host.text import plain
 
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim", no_wrap=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from host.capture.loop import CaptureSettings
     from host.capture.run import FinishedCapture
-    from host.scoring.result import ScoreOptions
+    from host.results.result import ScoreOptions
     from host.screen.screens import Screen
 
 
@@ -72,10 +72,10 @@ def run(args: argparse.Namespace) -> int:
     from host.capture.loop import CaptureSettings
     from host.capture.run import default_recording, run_capture
     from host.errors import UsageError
-    from host.scoring.result import ScoreOptions, result_text
+    from host.results.result import ScoreOptions, result_text
     from host.screen.screens import ScreenChoice, open_screen
-    from host.session import SessionSettings
     from host.stop_signals import StopSignals
+    from host.stream.session import SessionSettings
 
     if args.rate is not None and not 10 <= args.rate <= 1000:
         raise UsageError(f"an object streams at 10 to 1000 Hz, not at {args.rate} Hz", "give another --rate")
@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         sys.stdout.write(result_text(finished.score))
     else:
-        from host.scoring.view import print_score
+        from host.results.printout import print_score
 
         print_score(finished.score)
         _print_files(finished)
@@ -125,7 +125,7 @@ def _run_several(
 
     from host.capture.several import capture_several
     from host.errors import UsageError
-    from host.scoring.view import print_score
+    from host.results.printout import print_score
     from host.stop_signals import StopSignals
 
     if settings.debug_link is not None:

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from analysis.reporting.comparison import CRITERION, compare, difference_text
     from analysis.reporting.errors import ComparisonError
-    from analysis.reporting.summary import summary_markdown
+    from analysis.reporting.tables import summary_markdown
     from host.errors import FileError, UsageError, unwritable
     from host.submission.comparison_sources import load_sources
 
@@ -74,10 +74,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _files(out: Path, comparison: Comparison) -> dict[Path, bytes]:
-    from analysis.reporting import figure_style as look
+    from analysis.reporting import style as look
     from analysis.reporting.comparison import forest_figure
     from analysis.reporting.site import comparison_html, site_files
-    from analysis.reporting.summary import summary_csv, summary_latex, summary_markdown
+    from analysis.reporting.tables import summary_csv, summary_latex, summary_markdown
     from host.version import VERSION
 
     kind = out.suffix.lower()

@@ -12,7 +12,7 @@ SUFFIXES = {".csv": "csv", ".tum": "tum", ".txt": "tum", ".parquet": "parquet", 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
-    from host.scoring.arguments import add_read_arguments
+    from host.results.arguments import add_read_arguments
 
     parser = subparsers.add_parser(
         "convert",
@@ -45,11 +45,11 @@ def run(args: argparse.Namespace) -> int:
     FileError
         FILE cannot be read, or OUT cannot be written or exists.
     """
-    from analysis.writers import FORMATS, write_series
-    from analysis.writers.errors import WriterError
+    from analysis.formats import FORMATS, write_series
+    from analysis.formats.errors import WriterError
     from host.errors import FileError, UsageError, unwritable
-    from host.scoring.arguments import read_options
-    from host.scoring.scored_recording import read_recording, score_recording
+    from host.results.any_file import read_recording, score_recording
+    from host.results.arguments import read_options
 
     kind = args.to or SUFFIXES.get(args.out.suffix.lower())
     if kind is None:

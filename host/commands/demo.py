@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from analysis.trial_score import TrialScore
+    from analysis.scoring.trial_score import TrialScore
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from host.capture.loop import CaptureSettings
     from host.capture.run import default_recording, run_capture
     from host.errors import UsageError
-    from host.scoring.view import print_score
+    from host.results.printout import print_score
     from host.screen.screens import open_screen
     from host.stop_signals import StopSignals
     from host.virtual_object_process import VirtualObjectProcess
@@ -109,7 +109,7 @@ def true_drift_deg(score: TrialScore, truth: dict[str, Any]) -> float | None:
     float or None
         Degrees; None where the truth does not know as many end points in that stretch.
     """
-    from analysis.drift import rotation_drift
+    from analysis.scoring.card import rotation_drift
 
     if len(score.endpoints) < 2:
         return None

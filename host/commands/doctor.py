@@ -43,10 +43,10 @@ def run(args: argparse.Namespace) -> int:
     from host.doctor.link_check import check_link
     from host.doctor.machine_check import can_interfaces, clock_source, disk, serial_ports, versions
     from host.errors import UsageError
-    from host.link_uri import parse_link_uri
+    from host.links.can.listing import list_can_ports
+    from host.links.serial.listing import list_serial_ports
+    from host.links.uri import parse_link_uri
     from host.stop_signals import StopSignals
-    from host.transports.can_listing import list_can_ports
-    from host.transports.serial_listing import list_serial_ports
 
     if not 0.5 <= args.seconds <= 3600:
         raise UsageError(f"{args.seconds:g} s is no time to listen", "give --seconds from 0.5 to 3600")

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import threading
     from queue import SimpleQueue
 
-    from emulator.faults import LiveFault
+    from emulator.faults.definitions import LiveFault
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -57,13 +57,13 @@ def run(args: argparse.Namespace) -> int:
     """
     from emulator import EmulatorError, ScenarioError
     from emulator import LinkError as EmulatorLinkError
-    from emulator.frame_faults import byte_faults_in
+    from emulator.faults.frame_faults import byte_faults_in
     from emulator.links import open_link
     from emulator.runner import run as run_object
     from emulator.scenario import load_scenario, scenario_names
     from host.errors import FileError, LinkError, UsageError
-    from host.plain_text import plain
     from host.stop_signals import StopSignals
+    from host.text import plain
 
     if args.list:
         width = max(map(len, scenario_names()))
@@ -140,8 +140,8 @@ def _faults_from_stdin() -> SimpleQueue[LiveFault]:
     from queue import SimpleQueue
 
     from emulator import ScenarioError
-    from emulator.faults import parse_fault_command
-    from host.plain_text import plain
+    from emulator.faults.definitions import parse_fault_command
+    from host.text import plain
 
     faults: SimpleQueue[LiveFault] = SimpleQueue()
 

@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     """List the ports."""
     rows = _rows()
     if args.probe:
-        from host.transports.object_probe import objects_on
+        from host.doctor.object_probe import objects_on
 
         for row in rows:
             row["not_probed"] = _why_not(row)
@@ -49,8 +49,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _rows() -> list[dict[str, Any]]:
-    from host.transports.can_listing import list_can_ports
-    from host.transports.serial_listing import list_serial_ports
+    from host.links.can.listing import list_can_ports
+    from host.links.serial.listing import list_serial_ports
 
     serial_ports = list_serial_ports()
     rows = [{"kind": "serial", **port.to_json()} for port in serial_ports]
@@ -59,7 +59,7 @@ def _rows() -> list[dict[str, Any]]:
 
 def _why_not(row: dict[str, Any]) -> str:
     """Say why a link is not listened to; empty where it is."""
-    from host.transports.can_listing import SLCAN_ADAPTERS
+    from host.links.can.listing import SLCAN_ADAPTERS
 
     if row.get("owners"):
         return "held by " + ", ".join(row["owners"])

@@ -36,13 +36,13 @@ def run(args: argparse.Namespace) -> int:
     from host.capture.playback import play, recorded_actions, recorded_commands
     from host.capture.run import difference_line, finished_state
     from host.errors import FileError
-    from host.recording.recorded_trial import load_trial
-    from host.scoring.result import result_text, score_trial
-    from host.scoring.view import print_score
+    from host.recording.load import load_trial
+    from host.recording.replay_link import ReplayTransport
+    from host.results.printout import print_score
+    from host.results.result import result_text, score_trial
     from host.screen.screens import ScreenChoice, open_screen
     from host.stop_signals import StopSignals
-    from host.transports.replay import ReplayTransport
-    from host.trial import Trial
+    from host.trial.live import Trial
 
     with ReplayTransport(args.file, args.speed) as transport, StopSignals() as signals:
         screen = open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, plain_lines=args.plain))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
-    from host.scoring.arguments import add_read_arguments, add_window_arguments
+    from host.results.arguments import add_read_arguments, add_window_arguments
 
     parser = subparsers.add_parser(
         "report",
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         A file cannot be read or written.
     """
     from host.errors import UsageError
-    from host.scoring.arguments import window
+    from host.results.arguments import window
     from host.submission.contents import DEFAULT_TITLE, build_submission
 
     windowed = window(args) is not None
@@ -81,11 +81,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _source(path: Path, args: argparse.Namespace) -> TrialSource:
-    from analysis.endpoint_choice import load_endpoints, parse_endpoints
+    from analysis.scoring.choice import load_endpoints, parse_endpoints
     from analysis.series import ReaderError
     from host.cards.files import find_cards
     from host.errors import UsageError
-    from host.scoring.arguments import window
+    from host.results.arguments import window
     from host.submission.source import Choices, load_source
 
     if not path.name:
@@ -112,9 +112,9 @@ def _window_s(path: Path, args: argparse.Namespace) -> tuple[float | None, float
     """Give the window in seconds: a submission says what was scored, whoever set the markers."""
     if not isinstance(args.start, str) and not isinstance(args.end, str):
         return args.start, args.end
-    from host.scoring.arguments import read_options
-    from host.scoring.scored_recording import read_recording
-    from host.scoring.window_bounds import resolve_window
+    from host.results.any_file import read_recording
+    from host.results.arguments import read_options
+    from host.results.window import resolve_window
 
     _, trial = read_recording(path, read_options(args))
     return resolve_window((args.start, args.end), trial) or (None, None)
@@ -129,8 +129,8 @@ def _refuse_existing(out: Path, *, force: bool) -> None:
 
 
 def _write(out: Path, built: BuiltSubmission) -> None:
-    from analysis.reporting.bundle import MANIFEST, bundle_bytes, manifest_text
     from host.errors import unwritable
+    from host.submission.bundle import MANIFEST, bundle_bytes, manifest_text
 
     single = {".html": "report.html", ".pdf": "report.pdf"}.get(out.suffix.lower())
     try:

@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from host.scoring.result import ScoreOptions
-    from host.scoring.scored_recording import ReadOptions, ScoredRecording
-    from host.scoring.window_bounds import Window
+    from host.results.any_file import ReadOptions, ScoredRecording
+    from host.results.result import ScoreOptions
+    from host.results.window import Window
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
-    from host.scoring.arguments import add_read_arguments, add_window_arguments
+    from host.results.arguments import add_read_arguments, add_window_arguments
 
     parser = subparsers.add_parser(
         "score",
@@ -65,9 +65,9 @@ def run(args: argparse.Namespace) -> int:
         Not a file that can be scored; says where and why.
     """
     from host.errors import UsageError
-    from host.scoring.arguments import window
-    from host.scoring.batch import expand
-    from host.scoring.scored_recording import score_recording
+    from host.results.any_file import score_recording
+    from host.results.arguments import window
+    from host.results.batch import expand
 
     if args.endpoints is not None and window(args) is not None:
         raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
@@ -80,11 +80,11 @@ def run(args: argparse.Namespace) -> int:
     if args.plot is not None:
         _plot(args.plot, files[0], scored)
     if args.json:
-        from host.scoring.result import result_text
+        from host.results.result import result_text
 
         sys.stdout.write(result_text(score))
     else:
-        from host.scoring.view import print_score
+        from host.results.printout import print_score
 
         print_score(score)
         if args.plot is not None:
@@ -100,8 +100,8 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     from host.errors import UsageError
-    from host.scoring.batch import BatchRow, score_many
-    from host.scoring.table import print_batch
+    from host.results.batch import BatchRow, score_many
+    from host.results.printout import print_batch
 
     for name, value in (("--endpoints", args.endpoints), ("--plot", args.plot), ("--preceding", args.preceding)):
         if value:
@@ -140,7 +140,7 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
     """Draw a trial; a trial without a score shows its motion all the same."""
     import textwrap
 
-    from analysis.reporting import figure_style
+    from analysis.reporting import style as figure_style
     from analysis.reporting.figures import summary_figure
     from host.errors import unwritable
 
@@ -161,12 +161,12 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
 
 def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Window | None]:
     """Say how to score, how to read, and which window, as the arguments do."""
-    from analysis.endpoint_choice import parse_endpoints
+    from analysis.scoring.choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError
-    from host.scoring.arguments import read_options, window
-    from host.scoring.preceding import preceding_endpoints
-    from host.scoring.result import ScoreOptions
+    from host.results.arguments import read_options, window
+    from host.results.preceding import preceding_endpoints
+    from host.results.result import ScoreOptions
 
     reading = read_options(args)
     try:

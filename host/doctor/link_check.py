@@ -11,13 +11,13 @@ from host.capture.loop import Capture, CaptureOutcome, CaptureSettings
 from host.clock.device_clock import ClockEstimate
 from host.doctor.findings import Finding, Verdict, judged
 from host.errors import HostError
-from host.loss_verdict import LOSS_LIMIT
-from host.plain_text import plain
+from host.links import open_transport
+from host.losses.verdict import LOSS_LIMIT
 from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen
-from host.transports import open_transport
-from host.trial import Trial
-from host.trial_state import LinkView
+from host.text import plain
+from host.trial.live import Trial
+from host.trial.state import LinkView
 
 SECONDS = 5.0
 MAX_JITTER_MS = 20.0

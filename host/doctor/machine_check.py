@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from host.doctor.findings import Finding, Verdict, judged
-from host.plain_text import plain
-from host.transports.serial_listing import SerialPort
+from host.links.serial.listing import SerialPort
+from host.text import plain
 from host.version import VERSION
 
 if TYPE_CHECKING:
-    from host.transports.can_listing import CanPort
+    from host.links.can.listing import CanPort
 
 LIBRARIES = ("numpy", "scipy", "pyserial", "python-can", "mcap", "rich", "construct", "cobs", "matplotlib")
 DISK_BYTES = 16 * 2**20
@@ -140,7 +140,7 @@ def can_interfaces(ports: Iterable[CanPort]) -> list[Finding]:
     Parameters
     ----------
     ports : iterable of CanPort
-        From :func:`host.transports.can_listing.list_can_ports`.
+        From :func:`host.links.can.listing.list_can_ports`.
     """
     found = []
     for port in ports:
@@ -162,7 +162,7 @@ def serial_ports(
     Parameters
     ----------
     ports : iterable of SerialPort
-        From :func:`host.transports.serial_listing.list_serial_ports`.
+        From :func:`host.links.serial.listing.list_serial_ports`.
     system : str
         ``sys.platform``.
     sys_folder : Path

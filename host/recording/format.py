@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_protocol.packets import Event, Info, Status
-from host.plain_text import plain
-from host.recording.ros_message import CDR_LITTLE_ENDIAN, CRC_FIELD, RosField, RosMessageType
-from host.transports.chunks import AnyChunk, Chunk, FrameChunk
+from host.links.transport import AnyChunk, Chunk, FrameChunk
+from host.recording.cdr import CDR_LITTLE_ENDIAN, CRC_FIELD, RosField, RosMessageType
+from host.text import plain
 
 FORMAT_VERSION = 1
 PROFILE = "ros2"
@@ -48,7 +48,7 @@ RAW_SCHEMA = b"""\
 # What one read of the link returned (or one write sent), exactly.
 uint64 host_time_ns  # monotonic clock of the host at reception
 uint32 crc32         # CRC-32 (zlib) of host_time_ns as 8 little-endian bytes, kind, data
-uint8 kind           # 0: bytes of a link; 1: CAN frames, packed as firmware_protocol.can_frames says; 2: what was sent
+uint8 kind           # 0: bytes of a link; 1: CAN frames, packed as firmware_protocol.can.frames says; 2: what was sent
 uint8[] data         # none: the link was lost and is open again
 """
 BYTES_KIND, FRAMES_KIND, SENT_KIND = range(3)

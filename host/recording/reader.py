@@ -25,10 +25,10 @@ from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from host.errors import FileError, unreadable
+from host.links.transport import AnyChunk
 from host.recording import format as fmt
-from host.recording.raw_stretch import RawStretch, raw_stretches
-from host.recording.record_runs import EvenRun, MessageRun, RecordRuns, on_channels
-from host.transports.chunks import AnyChunk
+from host.recording.bulk.raw_stretch import RawStretch, raw_stretches
+from host.recording.bulk.record_runs import EvenRun, MessageRun, RecordRuns, on_channels
 
 MAX_RECORD_BYTES = 64 * 2**20
 """A longer record is damage: ours have at most 64 KiB."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from firmware_protocol.packets import Event, Info, Status
 from host.recording import format as fmt
 from host.recording.writer import RecordingWriter
-from host.trial import TrialUpdate
+from host.trial.live import TrialUpdate
 
 
 def add_views(recording: RecordingWriter, update: TrialUpdate, host_time_ns: int) -> None:

@@ -19,10 +19,10 @@ import numpy.typing as npt
 from mcap.writer import CompressionType, IndexType, Writer
 
 from firmware_protocol.packets import Event, Info, Status
-from host.plain_text import plain
+from host.links.transport import AnyChunk, Chunk
 from host.recording import format as fmt
 from host.recording.sink import MAX_KEPT_BYTES, RecordingSink
-from host.transports.chunks import AnyChunk, Chunk
+from host.text import plain
 from host.version import VERSION
 
 LAST_DATE_NS = 2**31 * 10**9 - 1

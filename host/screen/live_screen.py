@@ -11,12 +11,12 @@ import threading
 from collections import deque
 from typing import Any, Protocol, TextIO, cast
 
-from host.plain_text import plain
 from host.screen.keys import ScreenAction
 from host.screen.pipe import Frame, ScreenSettings, Stop, decode_action, send, without_cycles
 from host.screen.process import arguments
 from host.screen.terminal import in_foreground, restore, save_modes
-from host.trial_state import CycleRow, TrialState
+from host.text import plain
+from host.trial.state import CycleRow, TrialState
 
 STOP_S = 3.0
 """How long the screen process may take to give the terminal back."""

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import IO
 
 from host.screen.keys import ScreenAction
-from host.trial_state import CycleRow, TrialState
+from host.trial.state import CycleRow, TrialState
 
 _LENGTH = struct.Struct("<I")
 

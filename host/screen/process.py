@@ -21,11 +21,11 @@ from rich.console import Console
 from rich.style import Style
 from rich.text import Text
 
-from host.dashboard import Look, View, picture
+from host.screen.dashboard.picture import Look, View, picture
 from host.screen.keys import KeyReader
 from host.screen.pipe import Frame, ScreenSettings, Stop, encode_action, receive
 from host.screen.terminal import CLEAR, ENTER, LEAVE, Terminal, TerminalLostError
-from host.trial_state import CycleRow, TrialState
+from host.trial.state import CycleRow, TrialState
 
 FRAME_S = 0.1
 """Shortest time between two pictures: 10 a second."""

@@ -11,13 +11,13 @@ from typing import Protocol, TextIO
 
 from rich.console import Console
 
-from host.dashboard.look import terminal_is_light
-from host.plain_text import plain
+from host.screen.dashboard.theme import terminal_is_light
 from host.screen.keys import ScreenAction
 from host.screen.live_screen import LiveScreen
 from host.screen.pipe import ScreenSettings
 from host.screen.terminal import in_foreground
-from host.trial_state import CycleRow, TrialState
+from host.text import plain
+from host.trial.state import CycleRow, TrialState
 
 __all__ = ["LineScreen", "LiveScreen", "QuietScreen", "Screen", "ScreenChoice", "open_screen"]
 

@@ -16,7 +16,7 @@ import sys
 import time
 from typing import Any
 
-from host.screen.key_splitter import PASTE_OFF, PASTE_ON
+from host.screen.keys import PASTE_OFF, PASTE_ON
 
 CLEAR = "\x1b[2J"
 ENTER = f"\x1b[?1049h\x1b[?25l\x1b[?7l{PASTE_ON}{CLEAR}"

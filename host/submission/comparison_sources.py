@@ -7,16 +7,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.reporting.bundle import check_manifest, read_bundle
 from analysis.reporting.comparison import ComparedSource
 from analysis.reporting.errors import BundleError
 from analysis.reporting.result_view import ResultView
-from analysis.reporting.summary import TrialFigure
-from analysis.trial_score import RESULT_FORMAT
+from analysis.reporting.tables import TrialFigure
+from analysis.scoring.trial_score import RESULT_FORMAT
 from host.errors import FileError, UsageError, unreadable
-from host.plain_text import plain
-from host.submission.format import CARD, CONVENTIONS, SCORE_VERSION, Submission, parse_submission
+from host.submission.bundle import check_manifest, read_bundle
+from host.submission.manifest import CARD, CONVENTIONS, SCORE_VERSION, Submission, parse_submission
 from host.submission.verification import read_folder
+from host.text import plain
 
 MAX_RESULT_BYTES = 64 * 2**20
 

@@ -16,14 +16,14 @@ from pathlib import Path
 
 import msgspec
 
-from analysis.reporting import figure_style as look
 from analysis.reporting import overview
+from analysis.reporting import style as look
 from analysis.reporting.figure_set import NamedFigure, draw_figures
-from analysis.reporting.report import report_html
-from analysis.reporting.report_pdf import report_pdf
-from analysis.reporting.summary import TrialFigure, pool, summary_csv, summary_latex, summary_markdown
+from analysis.reporting.html import report_html
+from analysis.reporting.pdf import report_pdf
+from analysis.reporting.tables import TrialFigure, pool, summary_csv, summary_latex, summary_markdown
 from host.errors import UsageError
-from host.submission.format import (
+from host.submission.manifest import (
     CARD,
     CONVENTIONS,
     SCORE_VERSION,
@@ -34,7 +34,7 @@ from host.submission.format import (
     submission_json,
 )
 from host.submission.source import TrialSource
-from host.submission.trial import BuiltTrial, build_trial
+from host.submission.trial_files import BuiltTrial, build_trial
 from host.submission.trial_labels import trial_labels
 from host.version import VERSION
 

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import msgspec
 
-from analysis.endpoint_choice import EndpointChoice
+from analysis.scoring.choice import EndpointChoice
 from analysis.series import AnalysisError
 from host.cards.definitions import Cards, dump_cards, parse_cards
 from host.errors import FileError, UsageError, unreadable
-from host.plain_text import plain
-from host.scoring.result import ScoreOptions
-from host.scoring.scored_recording import ReadOptions
+from host.results.any_file import ReadOptions
+from host.results.result import ScoreOptions
+from host.text import plain
 
 MAX_RAW_BYTES = 2**30
 

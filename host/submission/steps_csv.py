@@ -7,7 +7,7 @@ import io
 
 import numpy as np
 
-from analysis.trial_score import TrialScore
+from analysis.scoring.trial_score import TrialScore
 
 
 def steps_csv_text(score: TrialScore) -> str:

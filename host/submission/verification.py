@@ -19,14 +19,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.reporting.bundle import MANIFEST, check_manifest, read_bundle, shown
 from analysis.reporting.errors import BundleError
 from host.errors import FileError, HostError
-from host.plain_text import plain
+from host.submission.bundle import MANIFEST, check_manifest, read_bundle, shown
 from host.submission.contents import build_submission, made_with
 from host.submission.drawn_comparison import NUMBER, ComparisonUnavailableError, shows_the_same
-from host.submission.format import SCORE_VERSION, parse_submission
+from host.submission.manifest import SCORE_VERSION, parse_submission
 from host.submission.source import sources_in
+from host.text import plain
 
 ABSOLUTE, RELATIVE = 1e-9, 1e-14
 """Numbers that differ by less than either are equal: other processors round otherwise. Whole numbers are exact."""
@@ -94,7 +94,7 @@ def verify_files(files: Mapping[str, bytes], altered: tuple[str, ...] = (), *, d
     files : mapping
         Content by name, the manifest included.
     altered : tuple of str
-        What :func:`~analysis.reporting.bundle.check_manifest` found.
+        What :func:`~host.submission.bundle.check_manifest` found.
     drawings : bool
         As for :func:`verify_bundle`.
     """
@@ -229,7 +229,7 @@ def read_folder(folder: Path) -> dict[str, bytes]:
     BundleError
         A link, or more than a bundle may hold.
     """
-    from analysis.reporting.bundle import MAX_ENTRIES, MAX_TOTAL_BYTES
+    from host.submission.bundle import MAX_ENTRIES, MAX_TOTAL_BYTES
 
     files: dict[str, bytes] = {}
     total = 0

@@ -49,8 +49,8 @@ def test_rooms_do_not_look_into_each_other(package, forbidden):
     ("library", "homes"),
     [
         ("construct", ["firmware_protocol/schema.py"]),
-        ("serial", ["host/transports/", "emulator/links/"]),
-        ("can", ["host/transports/", "emulator/links/"]),
+        ("serial", ["host/links/", "emulator/links/"]),
+        ("can", ["host/links/", "emulator/links/"]),
         ("matplotlib", ["analysis/reporting/"]),
         ("plotly", ["analysis/reporting/"]),
         ("jinja2", ["analysis/reporting/"]),

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import firmware_protocol
-from firmware_protocol.can_dbc import dbc_text
-from firmware_protocol.can_decoder import CanStreamDecoder
-from firmware_protocol.can_encoder import CanObject, command_frame
-from firmware_protocol.can_frames import CanFrame, pack_frames
-from firmware_protocol.can_long_packets import LongPacketChannel
-from firmware_protocol.can_mapping import MAX_NODE, CanFunction, arbitration_id, split_id
+from firmware_protocol.can.dbc import dbc_text
+from firmware_protocol.can.decoder import CanStreamDecoder
+from firmware_protocol.can.encoder import CanObject, command_frame
+from firmware_protocol.can.frames import CanFrame, pack_frames
+from firmware_protocol.can.iso_tp import LongPacketChannel
+from firmware_protocol.can.mapping import MAX_NODE, CanFunction, arbitration_id, split_id
 from firmware_protocol.codec import decode_packet, encode_packet
 from firmware_protocol.packets import Ack, AckCode, Event, EventKind, Mark, RawImu, SetRate, Start, Status, TimeReply
 from firmware_protocol.quantization import SMALLEST_THREE_OFFSET, SMALLEST_THREE_SCALE

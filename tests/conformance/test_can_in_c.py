@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.rotations import distance
-from firmware_protocol.can_decoder import CanStreamDecoder
-from firmware_protocol.can_frames import CanFrame, pack_frames
-from firmware_protocol.can_mapping import boot_tag
+from analysis.geometry.rotations import distance
+from firmware_protocol.can.decoder import CanStreamDecoder
+from firmware_protocol.can.frames import CanFrame, pack_frames
+from firmware_protocol.can.mapping import boot_tag
 from firmware_protocol.quantization import SMALLEST_THREE_PLAIN_MAX_ERROR_DEG
 from firmware_protocol.vectors import load_vectors
 from tests.can_traffic import is_sample, joined, object_at, sample_packets, unit_quaternions

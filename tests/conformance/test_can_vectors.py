@@ -6,8 +6,8 @@ from importlib import resources
 
 import pytest
 
-from firmware_protocol.can_decoder import CanStreamDecoder
-from firmware_protocol.can_frames import CanFrame, FrameFlag, pack_frames
+from firmware_protocol.can.decoder import CanStreamDecoder
+from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
 from firmware_protocol.codec import decode_packet
 from firmware_protocol.packets import Orientation, OrientationBatch
 from firmware_protocol.vectors import CAN_FILE_NAME

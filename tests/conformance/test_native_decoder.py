@@ -13,8 +13,8 @@ from benchmarks.native import NoCompilerError, native_crc, native_decode
 from firmware_protocol import codec, schema
 from firmware_protocol.packets import OrientationBatch, PacketType
 from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
-from firmware_protocol.serial_framing import encode_frame
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
+from firmware_protocol.serial.framing import encode_frame
 from tests.wire_streams import decode_slowly, frame, odd_frames, orientation, other_packets
 
 try:

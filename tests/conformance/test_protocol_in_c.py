@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware_protocol.serial_framing import FrameDecoder
+from firmware_protocol.serial.framing import FrameDecoder
 from firmware_protocol.vectors import load_vectors
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "protocol.md"

@@ -5,10 +5,11 @@ import math
 
 import pytest
 
-from firmware_protocol import codec, quantization, stream
+from firmware_protocol import codec, quantization
 from firmware_protocol.packets import OrientationBatch, PacketType
-from firmware_protocol.serial_framing import FrameDecoder, checksum, encode_frame
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial import decoder as stream
+from firmware_protocol.serial.decoder import StreamDecoder
+from firmware_protocol.serial.framing import FrameDecoder, checksum, encode_frame
 from firmware_protocol.vectors import load_vectors
 from firmware_protocol.vectors.definitions import PACKETS, fields_of, vectors_text
 from tests.wire_streams import Decoded, assert_accounted, decode_fast, decode_slowly, slow_crc, slow_uncobs

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.scoring import score_series
+from analysis.scoring.trial import score_series
 from tests.simulated_motion import simulate
 
 ROOT = Path(__file__).parents[2]

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from emulator.links.can_slcan_adapter import slcan_line
-from firmware_protocol.can_frames import CanFrame
-from firmware_protocol.can_mapping import WHOLE_ORIENTATION_BYTES, CanFunction, arbitration_id, time_interval
+from emulator.links.can.slcan_adapter import slcan_line
+from firmware_protocol.can.frames import CanFrame
+from firmware_protocol.can.mapping import WHOLE_ORIENTATION_BYTES, CanFunction, arbitration_id, time_interval
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Status
 from firmware_protocol.quantization import SMALLEST_THREE_MAX_ERROR_DEG, SMALLEST_THREE_PLAIN_MAX_ERROR_DEG
-from host.link_uri import parse_link_uri
-from host.transports.can_bus_drivers import can_settings
-from host.transports.can_log_kind import CANDUMP_LINE
+from host.links.can.drivers import can_settings
+from host.links.can.log_kind import CANDUMP_LINE
+from host.links.uri import parse_link_uri
 from tests.can_traffic import object_at, sample_packets
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "can.md").read_text()
@@ -92,8 +92,8 @@ def test_candump_lines_are_recognised() -> None:
 
 def test_the_sentences_of_the_page_are_those_of_the_code() -> None:
     root = Path(__file__).resolve().parents[2]
-    sources = [*root.glob("host/transports/*can*.py"), root / "host/session.py", root / "host/samples.py"]
-    code = "\n".join(path.read_text() for path in [*sources, root / "firmware_protocol/can_node_decoder.py"])
+    sources = [*root.glob("host/links/can/*.py"), root / "host/stream/session.py", root / "host/stream/samples.py"]
+    code = "\n".join(path.read_text() for path in [*sources, root / "firmware_protocol/can/node_decoder.py"])
     code = re.sub(r'"\s*f?"', "", code)
     rows = re.findall(r"^\| (\*.*?\*) \|", PAGE, re.MULTILINE)
     assert len(rows) > 8

@@ -8,7 +8,7 @@ from contextlib import chdir
 import pytest
 
 from host import cli
-from host.scoring.scored_recording import read_recording
+from host.results.any_file import read_recording
 from host.virtual_object_process import VirtualObjectProcess
 from tests.command_line import quick_scenario
 from tests.docs.test_documented_commands import DOCUMENTED

@@ -35,7 +35,7 @@ def test_the_notebook_runs_and_gives_what_it_shows():
 
 
 def test_the_three_functions_of_the_library(tmp_path):
-    from analysis.writers.series_csv import csv_text
+    from analysis.formats.named_csv import csv_text
 
     series, result = scored(cycles=5, slip_deg=0.0)
     (tmp_path / "trial.csv").write_text(csv_text(series))

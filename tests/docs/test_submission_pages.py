@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from host.cards.definitions import REQUIRED, TABLES, missing_fields, parse_cards
-from host.submission.format import TrialEntry
+from host.submission.manifest import TrialEntry
 
 DOCS = Path(__file__).parents[2] / "docs"
 

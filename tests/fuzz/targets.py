@@ -13,23 +13,23 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.readers import read_series
+from analysis.formats import read_series
 from analysis.series import AnalysisError
 from emulator import ScenarioError
 from emulator.scenario import load_scenario
-from firmware_protocol.can_decoder import CanStreamDecoder
-from firmware_protocol.can_frames import CanFrame, FrameFlag, pack_frames
+from firmware_protocol.can.decoder import CanStreamDecoder
+from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
 from firmware_protocol.packets import OrientationBatch
-from firmware_protocol.serial_framing import MAX_PIECE_BYTES
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
+from firmware_protocol.serial.framing import MAX_PIECE_BYTES
 from host.cards.definitions import load_cards
 from host.errors import FileError, HostError
-from host.loss_ledger import LossReport
-from host.operator_actions import edits_of
+from host.losses.ledger import LossReport
+from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
-from host.recording.recorded_trial import load_trial
 from host.recording.recovery import recover
-from host.samples import SampleAssembler
+from host.stream.samples import SampleAssembler
+from host.trial.operator import edits_of
 
 _FOLDER = Path(tempfile.mkdtemp(prefix="rotdrift-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
 _MAX_CHUNK = 4096

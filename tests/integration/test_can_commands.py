@@ -61,7 +61,7 @@ def test_two_objects_with_one_node_id_end_the_capture_and_the_recording_says_so_
 def test_an_object_at_rest_on_can_gives_a_static_baseline(
     tmp_path: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("analysis.baseline.MIN_DURATION_S", 2.0)  # what it needs is not what is tried here
+    monkeypatch.setattr("analysis.sensor.baseline.MIN_DURATION_S", 2.0)  # what it needs is not what is tried here
     link = f"can:virtual:{request.node.name}?node=4&fd=1"
     with object_on(link, "static"):
         assert main(["baseline", link, "--duration", "3", "--out", str(tmp_path / "imu.toml")]) == 0

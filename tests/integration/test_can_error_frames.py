@@ -16,10 +16,10 @@ import can
 import numpy as np
 import pytest
 
-from firmware_protocol.can_frames import CanFrame, FrameFlag
-from host.link import Link
-from host.transports.can_bus import CanTransport
-from host.transports.can_bus_drivers import CanSettings
+from firmware_protocol.can.frames import CanFrame, FrameFlag
+from host.links.can.bus import CanTransport
+from host.links.can.drivers import CanSettings
+from host.stream.decoding import Link
 from tests.can_traffic import joined, object_at, sample_packets
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="SocketCAN is Linux")
@@ -122,7 +122,7 @@ def test_a_driver_that_knows_of_bus_off_is_asked(monkeypatch: pytest.MonkeyPatch
     with bus_of_datagrams() as (transport, _):
         assert transport.read(0.0) is None
         assert transport.problems == ()
-        monkeypatch.setattr("host.transports.can_bus.DRIVER_NS", 0)
+        monkeypatch.setattr("host.links.can.bus.DRIVER_NS", 0)
         monkeypatch.setattr(can.BusABC, "state", can.BusState.ERROR)
         for _ in range(3):
             assert transport.read(0.0) is None
@@ -150,7 +150,7 @@ def test_error_frames_among_samples_cost_no_sample_and_are_counted() -> None:
 
 
 def test_errors_of_an_interface_that_does_not_explain_them_are_told(request: pytest.FixtureRequest) -> None:
-    from host.transports import open_transport
+    from host.links import open_transport
 
     name = request.node.name
     with can.Bus(interface="virtual", channel=name) as spy, open_transport(f"can:virtual:{name}?node=3") as transport:
@@ -163,7 +163,7 @@ def test_errors_of_an_interface_that_does_not_explain_them_are_told(request: pyt
 def test_the_queue_of_a_link_is_long_and_says_what_it_dropped(is_multicast: bool) -> None:
     import types
 
-    from host.transports.socketcan_kernel import dropped_frames, lengthen_queue
+    from host.links.can.socketcan import dropped_frames, lengthen_queue
 
     kernel = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     ours = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -9,14 +9,14 @@ import can
 import numpy as np
 import pytest
 
-from firmware_protocol.can_frames import CanFrame, unpack_frames
+from firmware_protocol.can.frames import CanFrame, unpack_frames
 from firmware_protocol.packets import Info, Status, TimeReply
 from host.errors import LinkError, LinkLostError, NoAnswerError, PortBusyError, PortNotFoundError, UsageError
-from host.link_uri import parse_link_uri
-from host.recording.recorded_trial import assemble
-from host.session import Phase
-from host.transports import open_transport
-from host.transports.can_bus_drivers import can_settings
+from host.links import open_transport
+from host.links.can.drivers import can_settings
+from host.links.uri import parse_link_uri
+from host.recording.load import assemble
+from host.stream.session import Phase
 from tests.can_link_run import CAN_LINKS, LINKS, Got, finish, object_on, over, receive
 from tests.can_traffic import info_packet, is_sample, joined, sample_packets
 
@@ -131,7 +131,7 @@ def after_bad(transport: Any, link: Any, got: Got, bad: bytes, n: int) -> int:
 def test_bad_bytes_from_an_adapter_are_counted_and_survived(
     name: str, reads_lines: bool, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("host.transports.slcan_bus.ChunkedSlcanBus.reads_lines", reads_lines)
+    monkeypatch.setattr("host.links.can.slcan.ChunkedSlcanBus.reads_lines", reads_lines)
     with object_on(address_of(name, request)) as (uri, link), open_transport(uri) as transport:
         got = receive(transport, lambda got: got.n_samples > 20, 200)
         for bad in BAD_LINES:
@@ -171,7 +171,7 @@ def test_a_server_or_an_adapter_that_goes_away_is_told(address: str) -> None:
 def test_a_silent_adapter_is_told_though_it_opens(monkeypatch: pytest.MonkeyPatch) -> None:
     import tty
 
-    monkeypatch.setattr("host.transports.can_bus_drivers.SLCAN_ANSWER_S", 0.2)
+    monkeypatch.setattr("host.links.can.drivers.SLCAN_ANSWER_S", 0.2)
     master, slave = os.openpty()
     tty.setraw(slave)
     try:

@@ -11,13 +11,13 @@ import can
 import numpy as np
 import pytest
 
-import host.transports.can_log as can_log
-from analysis.scoring import score_series
-from firmware_protocol.can_frames import CanFrame, FrameFlag, pack_frames
+import host.links.can.logs as can_log
+from analysis.scoring.trial import score_series
+from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
 from host.errors import FileError
-from host.recording.recorded_trial import assemble
-from host.transports.can_log import can_log_kind, read_can_log
-from host.transports.chunks import FrameChunk
+from host.links.can.logs import can_log_kind, read_can_log
+from host.links.transport import FrameChunk
+from host.recording.load import assemble
 from tests.can_traffic import is_sample, object_at, timed
 from tests.command_line import rotdrift
 from tests.emulated_packets import trial_packets

@@ -9,11 +9,11 @@ from pathlib import Path
 import can
 import pytest
 
-from firmware_protocol.can_mapping import HOST_FUNCTIONS, split_id
+from firmware_protocol.can.mapping import HOST_FUNCTIONS, split_id
 from host.cli import main
-from host.transports.can_listing import list_can_ports
-from host.transports.object_probe import objects_on
-from host.transports.serial_listing import SerialPort
+from host.doctor.object_probe import objects_on
+from host.links.can.listing import list_can_ports
+from host.links.serial.listing import SerialPort
 from tests.can_link_run import object_on
 
 
@@ -80,7 +80,7 @@ def test_a_probe_finds_serial_and_slcan_objects_and_sends_nothing_to_other_devic
             port(os.ttyname(slave), "0483:5740"),
             port("/dev/ttyACM99", "1a86:7523", ("minicom (process 4711)",)),
         ]
-        monkeypatch.setattr("host.transports.serial_listing.list_serial_ports", lambda: listed)
+        monkeypatch.setattr("host.links.serial.listing.list_serial_ports", lambda: listed)
         assert main(["ports", "--probe"]) == 0
     said = capsys.readouterr().out
     with pytest.raises(BlockingIOError):

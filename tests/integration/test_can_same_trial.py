@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.rotations import distance
-from analysis.scoring import score_series
+from analysis.geometry.rotations import distance
+from analysis.scoring.trial import score_series
 from firmware_protocol.quantization import SMALLEST_THREE_MAX_ERROR_DEG
-from host.recording.recorded_trial import assemble
+from host.recording.load import assemble
 from tests.can_link_run import LINKS, over
 from tests.emulated_packets import trial_packets
 

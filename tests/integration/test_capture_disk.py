@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
-from host.recording.recorded_trial import load_trial
 from host.virtual_object_process import VirtualObjectProcess
 from tests.command_line import BASE, environment, one_sentence, quick_scenario, rotdrift, started, wait_for
 

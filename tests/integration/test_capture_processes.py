@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.drift import rotation_drift
+from analysis.scoring.card import rotation_drift
 from host.commands.demo import true_drift_deg
-from host.recording.recorded_trial import load_trial
-from host.scoring.result import score_trial
+from host.recording.load import load_trial
+from host.results.result import score_trial
 from host.virtual_object_process import VirtualObjectProcess
 from tests.command_line import PERFECT_IMU, one_sentence, quick_scenario, rotdrift, started, wait_for, wait_for_line
 

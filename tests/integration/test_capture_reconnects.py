@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
+from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
-from host.recording.recorded_trial import load_trial
 from tests.command_line import quick_scenario, rotdrift, started, wait_for_line
 from tests.live_objects import live_object
 

@@ -6,8 +6,8 @@ import pytest
 
 from host.capture.loop import CaptureSettings
 from host.capture.several import capture_several
-from host.dashboard import View, picture
-from host.recording.recorded_trial import load_trial
+from host.recording.load import load_trial
+from host.screen.dashboard.picture import View, picture
 from host.screen.keys import ScreenAction
 from host.screen.screens import QuietScreen
 from tests.can_link_run import object_on

@@ -20,8 +20,8 @@ from emulator.runner import run
 from emulator.scenario import load_scenario
 from firmware_protocol import packets as p
 from firmware_protocol.codec import encode_packet
-from firmware_protocol.serial_framing import encode_frame
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
+from firmware_protocol.serial.framing import encode_frame
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are a thing of Unix")
 

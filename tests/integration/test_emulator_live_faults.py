@@ -11,12 +11,12 @@ from queue import SimpleQueue
 import pytest
 import serial
 
-from emulator.faults import FaultSettings, parse_fault_command
+from emulator.faults.definitions import FaultSettings, parse_fault_command
 from emulator.links import open_link
 from emulator.runner import run
 from emulator.scenario import load_scenario
 from firmware_protocol import packets as p
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are a thing of Unix")
 

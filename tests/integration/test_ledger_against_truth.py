@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from emulator.faults import FaultSettings, TimedFault
+from emulator.faults.definitions import FaultSettings, TimedFault
 from emulator.scenario import load_scenario, scenario_names
-from host.recording.recorded_trial import assemble, load_trial
-from host.scoring.result import score_trial
+from host.recording.load import assemble, load_trial
+from host.results.result import score_trial
 from tests.faulty_trials import faulty_chunks
 from tests.recorded_trials import scenario, write_recording
 

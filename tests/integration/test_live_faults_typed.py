@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from emulator.faults import KINDS, RATES
-from host.recording.recorded_trial import load_trial
+from emulator.faults.definitions import KINDS, RATES
+from host.recording.load import load_trial
 from tests.command_line import quick_scenario, rotdrift, started, wait_for_line
 from tests.live_objects import live_object
 

@@ -46,8 +46,8 @@ def made(tmp_path_factory):
 
 
 def test_the_score_is_near_the_built_in_drift_and_the_cards_are_complete(made, capsys):
-    from analysis.reporting.bundle import read_bundle
-    from host.submission.format import parse_submission
+    from host.submission.bundle import read_bundle
+    from host.submission.manifest import parse_submission
 
     folder, truth = made
     submission = parse_submission(read_bundle(folder / "s.zip")["submission.json"])

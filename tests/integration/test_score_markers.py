@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from host.operator_actions import MARKER, OperatorAction
 from host.recording import format as fmt
 from host.recording.writer import RecordingWriter
+from host.trial.operator import MARKER, OperatorAction
 from tests.command_line import one_sentence, rotdrift
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks, write_recording
 

@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from host.operator_actions import EXCLUDE, WINDOW_START, WINDOW_STOP, OperatorAction
 from host.recording import format as fmt
 from host.recording.writer import RecordingWriter
+from host.trial.operator import EXCLUDE, WINDOW_START, WINDOW_STOP, OperatorAction
 from tests.command_line import rotdrift
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks, write_recording
 

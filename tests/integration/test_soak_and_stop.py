@@ -57,7 +57,7 @@ def children(pid):
 
 def holders(device):
     """Processes that have a device open."""
-    from host.transports.port_owner import port_owners
+    from host.links.serial.listing import port_owners
 
     return port_owners(device)
 

@@ -7,10 +7,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_protocol.can_decoder import CanBusDecoder, CanStreamDecoder
-from firmware_protocol.can_encoder import CanObject
-from firmware_protocol.can_frames import CanFrame, FrameArray, FrameFlag, frame_array, pack_frames, unpack_frames
-from firmware_protocol.can_mapping import NODE_BITS, CanFunction, arbitration_id
+from firmware_protocol.can.decoder import CanBusDecoder, CanStreamDecoder
+from firmware_protocol.can.encoder import CanObject
+from firmware_protocol.can.frames import CanFrame, FrameArray, FrameFlag, frame_array, pack_frames, unpack_frames
+from firmware_protocol.can.mapping import NODE_BITS, CanFunction, arbitration_id
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Ack, OrientationBatch, Status
 from tests.can_traffic import info_packet, joined, object_at, sample_packets, sample_rows, timed

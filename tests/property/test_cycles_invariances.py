@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from analysis.cycles import CycleAnalysis, find_cycles
+from analysis.cycles.search import CycleAnalysis, find_cycles
 from analysis.series import FloatArray, OrientationSeries
 from tests.simulated_motion import cosine, simulate, theta_bar_deg, trapezoid, two_humps
 

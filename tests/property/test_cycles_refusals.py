@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.cycles import find_cycles
+from analysis.cycles.search import find_cycles
 from analysis.series import OrientationSeries
 from tests.simulated_motion import (
     cosine,

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from analysis.cycles import find_cycles
-from analysis.online_cycles import OnlineCycleDetector
+from analysis.cycles.online.detector import OnlineCycleDetector
+from analysis.cycles.search import find_cycles
 from tests.simulated_motion import Trial, cosine, sawtooth, simulate, trapezoid, triangle, two_humps
 
 

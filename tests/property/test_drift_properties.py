@@ -4,10 +4,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis import rotations
-from analysis.companions import drift_companions
-from analysis.drift import rotation_drift
-from analysis.uncertainty import drift_interval
+from analysis.geometry import rotations
+from analysis.scoring.card import rotation_drift
+from analysis.scoring.diagnostics import drift_companions
+from analysis.scoring.interval import drift_interval
 
 
 @st.composite

@@ -5,13 +5,13 @@ from dataclasses import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from emulator.faults import FaultSettings, TimedFault
+from emulator.faults.definitions import FaultSettings, TimedFault
 from emulator.injection import FaultInjector
 from emulator.links.memory_link import MemoryLink
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.packets import Start
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
 
 SCENARIO = replace(
     load_scenario("mute"),

@@ -10,13 +10,13 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from emulator import ScenarioError
 from emulator.links.memory_link import MemoryLink
-from emulator.motion import DriftSettings, HandMotion, MotionSettings
+from emulator.motion.hand_motion import DriftSettings, HandMotion, MotionSettings
 from emulator.scenario import Scenario, load_scenario
 from emulator.settings import read_table
 from emulator.virtual_object import VirtualObject
 from firmware_protocol import packets as p
 from firmware_protocol.codec import decode_packet, encode_packet
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
 
 DEFAULT = load_scenario("default")
 COMMANDS = [

@@ -11,26 +11,26 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from rich.console import Console
 
-from analysis.baseline_file import load_baseline
+from analysis.sensor.baseline_file import load_baseline
 from analysis.series import AnalysisError
 from emulator import ScenarioError
 from emulator.links import open_link
 from emulator.scenario import load_scenario
-from firmware_protocol.can_decoder import CanStreamDecoder
-from firmware_protocol.can_frames import CanFrame, FrameFlag, pack_frames
-from firmware_protocol.can_mapping import CanFunction, arbitration_id
+from firmware_protocol.can.decoder import CanStreamDecoder
+from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
+from firmware_protocol.can.mapping import CanFunction, arbitration_id
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Event, EventKind, Info, Orientation, OrientationFlag, Status
-from firmware_protocol.serial_framing import MAX_PIECE_BYTES, encode_frame
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
+from firmware_protocol.serial.framing import MAX_PIECE_BYTES, encode_frame
 from host.cards.definitions import load_cards
-from host.dashboard import render
 from host.errors import HostError
-from host.plain_text import plain
-from host.samples import SampleAssembler
-from host.transports.chunks import Chunk
-from host.trial import Trial
-from host.trial_state import LinkView
+from host.links.transport import Chunk
+from host.screen.dashboard.picture import render
+from host.stream.samples import SampleAssembler
+from host.text import plain
+from host.trial.live import Trial
+from host.trial.state import LinkView
 from tests.can_traffic import object_at, sample_packets, timed
 from tests.fuzz.mutation import mutated, seeds_of
 from tests.fuzz.targets import TARGETS, check_ledger

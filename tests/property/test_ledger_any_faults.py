@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from emulator.faults import FaultSettings, TimedFault
-from host.recording.recorded_trial import assemble
-from host.scoring.result import losses_per_cycle
+from emulator.faults.definitions import FaultSettings, TimedFault
+from host.recording.load import assemble
+from host.results.result import losses_per_cycle
 from tests.recorded_trials import scenario
 from tests.wire_oracle import watched_trial
 

@@ -11,20 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.sample_streams import frame_rows, turning
-from emulator.faults import FaultSettings
+from emulator.faults.definitions import FaultSettings
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Event, Info, OrientationBatch, Status
-from firmware_protocol.serial_framing import encode_frame
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
+from firmware_protocol.serial.framing import encode_frame
 from host.clock.unwrap import ClockUnwrapper
-from host.link import Link
-from host.recording.raw_stretch import RawStretch
+from host.links.transport import Chunk
+from host.recording.bulk.raw_stretch import RawStretch
+from host.recording.bulk.row_checksums import checksums
+from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
-from host.recording.recorded_trial import load_trial
-from host.recording.row_checksums import checksums
 from host.recording.writer import RecordingWriter
-from host.samples import SampleAssembler
-from host.transports.chunks import Chunk
+from host.stream.decoding import Link
+from host.stream.samples import SampleAssembler
 from tests.faulty_trials import faulty_chunks
 from tests.joined_blocks import series_of
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks

@@ -36,7 +36,7 @@ from firmware_protocol.packets import (
     TimeRequest,
 )
 from firmware_protocol.quantization import Q15_MAX_ERROR_RAD
-from firmware_protocol.serial_framing import MAX_PACKET_BYTES, FrameDecoder, encode_frame
+from firmware_protocol.serial.framing import MAX_PACKET_BYTES, FrameDecoder, encode_frame
 from firmware_protocol.wire_values import ACCELERATION_LSB_G, GYRO_LSB_DPS, TO_WIRE, clean_text
 
 steady = settings(derandomize=True, deadline=None, max_examples=100)

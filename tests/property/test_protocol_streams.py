@@ -8,9 +8,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from firmware_protocol import batch, stream
 from firmware_protocol.sequence import SequenceTracker
-from firmware_protocol.serial_framing import MAX_PIECE_BYTES
+from firmware_protocol.serial import batch
+from firmware_protocol.serial import decoder as stream
+from firmware_protocol.serial.framing import MAX_PIECE_BYTES
 from tests.wire_streams import (
     assert_accounted,
     assert_same,

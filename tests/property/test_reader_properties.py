@@ -5,9 +5,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis.baseline_file import load_baseline
-from analysis.endpoint_choice import load_endpoints, parse_endpoints
-from analysis.readers import parse_columns, read_series
+from analysis.formats import parse_columns, read_series
+from analysis.scoring.choice import load_endpoints, parse_endpoints
+from analysis.sensor.baseline_file import load_baseline
 from analysis.series import AnalysisError
 from tests import reader_files as files
 

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.large_recordings import write_large
-from host.recording.record_runs import MESSAGE_HEAD_BYTES, EvenRun, RecordRuns
-from host.recording.recorded_trial import load_trial
+from host.recording.bulk.record_runs import MESSAGE_HEAD_BYTES, EvenRun, RecordRuns
+from host.recording.load import load_trial
 
 
 def record(kind: int, body: bytes) -> bytes:

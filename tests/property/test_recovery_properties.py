@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from host.errors import FileError
+from host.links.transport import Chunk, FrameChunk
 from host.recording import format as fmt
+from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
-from host.recording.recorded_trial import load_trial
 from host.recording.recovery import recover
 from host.recording.writer import RecordingWriter
-from host.transports.chunks import Chunk, FrameChunk
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks
 
 RECORD = struct.Struct("<BQ")

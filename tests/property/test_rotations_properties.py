@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from analysis import averages, rotations
-from analysis.euler_angles import from_euler, to_euler_zyx
+from analysis.geometry import averages, rotations
+from analysis.geometry.euler_angles import from_euler, to_euler_zyx
 
 components = st.floats(-1.0, 1.0, allow_subnormal=False)
 

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis import rotations
-from analysis.scoring import score_series
+from analysis.geometry import rotations
+from analysis.scoring.trial import score_series
 from analysis.series import OrientationSeries
 from tests.simulated_motion import cosine, simulate, trapezoid, two_humps
 

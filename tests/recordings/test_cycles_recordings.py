@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from analysis import rotations
-from analysis.cycles import find_cycles
+from analysis.cycles.search import find_cycles
+from analysis.geometry import rotations
 from analysis.series import OrientationSeries
 from benchmarks import recordings_table
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.readers import read_series
-from analysis.readers.convention_check import convention_warnings
-from analysis.scoring import score_series
+from analysis.formats import read_series
+from analysis.formats.conventions import convention_warnings
+from analysis.scoring.trial import score_series
 
 FOLDER = Path(os.environ.get("ROTDRIFT_RECORDINGS", Path(__file__).parents[3] / "shared" / "recordings"))
 NAMES = (

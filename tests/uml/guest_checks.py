@@ -25,19 +25,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.scoring import score_series
-from firmware_protocol.can_frames import FrameFlag
+from analysis.scoring.trial import score_series
+from firmware_protocol.can.frames import FrameFlag
 from firmware_protocol.packets import OrientationBatch, Start
 from firmware_protocol.quantization import SMALLEST_THREE_MAX_ERROR_DEG
-from firmware_protocol.serial_framing import encode_frame
+from firmware_protocol.serial.framing import encode_frame
 from host.cli import main as rotdrift
 from host.errors import LinkError
-from host.link import Link
+from host.links import open_lasting
+from host.links.can.logs import read_can_log
+from host.links.transport import Chunk, FrameChunk
+from host.recording.load import assemble
 from host.recording.reader import RecordingReader
-from host.recording.recorded_trial import assemble
-from host.transports import open_lasting
-from host.transports.can_log import read_can_log
-from host.transports.chunks import Chunk, FrameChunk
+from host.stream.decoding import Link
 from tests.can_link_run import finish, object_on, open_transport, over, receive
 from tests.can_traffic import joined
 from tests.emulated_packets import trial_packets
@@ -256,8 +256,8 @@ def interfaces_that_are_missing_or_down_are_told_at_once() -> None:
 
 
 def ports_lists_the_interfaces() -> None:
-    from host.transports.can_listing import list_can_ports
-    from host.transports.object_probe import objects_on
+    from host.doctor.object_probe import objects_on
+    from host.links.can.listing import list_can_ports
 
     links = {port.link: port for port in list_can_ports() if "vcan" in port.link}
     assert links["can:socketcan:vcan0"].state == "up"

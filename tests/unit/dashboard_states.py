@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from analysis import rotations
-from host.dashboard import Look, View, render
-from host.loss_ledger import LossReport
-from host.trial_state import (
+from analysis.geometry import rotations
+from host.losses.ledger import LossReport
+from host.screen.dashboard.picture import Look, View, render
+from host.trial.state import (
     MISSED,
     OUTSIDE,
     Alarm,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from analysis.angular_velocity import Motion
+from analysis.cycles.motion import Motion
 
 
 @pytest.mark.parametrize("n", [400, 5000, 70_001])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.baseline import _walk_error, baseline_from_holds, measure_baseline
-from analysis.baseline_file import load_baseline, save_baseline
+from analysis.sensor.baseline import _walk_error, baseline_from_holds, measure_baseline
+from analysis.sensor.baseline_file import load_baseline, save_baseline
+from analysis.sensor.still_holds import block_orientations, measure_creep, still_holds
 from analysis.series import BaselineError, OrientationSeries
-from analysis.still_holds import block_orientations, measure_creep, still_holds
 from tests.simulated_motion import cosine, simulate
 
 BODY = Rotation.from_rotvec([0.4, -1.2, 2.0])
@@ -142,7 +142,7 @@ def test_turning_to_and_fro_is_refused(swing_deg, period_s):
 
 def test_detectable_drift_equals_what_resting_objects_score():
     # The same model, played through the real score: a resting object cut every 4 s.
-    from analysis.drift import rotation_drift
+    from analysis.scoring.card import rotation_drift
 
     period, n = 4.0, 8
     baseline = measure_baseline(resting(600.0, walk=0.02, noise_deg=0.1))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from firmware_protocol.can_frames import CanFrame, pack_frames
-from firmware_protocol.can_mapping import time_interval
-from host.recording.recorded_trial import assemble
-from host.transports.chunks import AnyChunk, Chunk, FrameChunk
-from host.trial import Trial
+from firmware_protocol.can.frames import CanFrame, pack_frames
+from firmware_protocol.can.mapping import time_interval
+from host.links.transport import AnyChunk, Chunk, FrameChunk
+from host.recording.load import assemble
+from host.trial.live import Trial
 from tests.can_traffic import object_at, sample_packets, sample_rows, timed
 
 RATE_HZ = 200

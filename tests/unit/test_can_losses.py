@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from firmware_protocol.can_decoder import CanBusDecoder, CanStreamDecoder
-from firmware_protocol.can_frames import CanFrame, FrameFlag, pack_frames
-from firmware_protocol.can_mapping import CanFunction, arbitration_id
+from firmware_protocol.can.decoder import CanBusDecoder, CanStreamDecoder
+from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
+from firmware_protocol.can.mapping import CanFunction, arbitration_id
 from tests.can_traffic import fed, joined, object_at, sample_packets, sample_rows, timed
 
 LOSSES = [

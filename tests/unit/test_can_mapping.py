@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from firmware_protocol.can_decoder import CanBusDecoder, CanStreamDecoder
-from firmware_protocol.can_encoder import CanObject, command_frame
-from firmware_protocol.can_frames import CanFrame, FrameFlag, frame_array, pack_frames, unpack_frames
-from firmware_protocol.can_mapping import (
+from firmware_protocol.can.decoder import CanBusDecoder, CanStreamDecoder
+from firmware_protocol.can.encoder import CanObject, command_frame
+from firmware_protocol.can.frames import CanFrame, FrameFlag, frame_array, pack_frames, unpack_frames
+from firmware_protocol.can.mapping import (
     ALL_NODES,
     CanFunction,
     arbitration_id,
@@ -193,7 +193,7 @@ def test_a_listener_that_never_sends_still_gets_a_long_packet_another_host_asked
 
 @pytest.mark.parametrize("fd", [False, True])
 def test_long_packets_travel_to_the_object_too(fd: bool) -> None:
-    from firmware_protocol.can_long_packets import LongPacketChannel
+    from firmware_protocol.can.iso_tp import LongPacketChannel
 
     end, host = CanObject(5, fd), LongPacketChannel(5, is_object=False, fd=fd)
     unknown = bytes([0xF0, 1]) + bytes(200)

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from emulator import LinkError
 from emulator.links import open_link
-from emulator.links.can_link import parse_address
-from emulator.links.can_slcan_adapter import SlcanAdapter, slcan_line
-from emulator.links.can_socketcand import QUIET_MS, SocketcandSession
-from firmware_protocol.can_frames import FD_LENGTHS, CanFrame, FrameFlag
+from emulator.links.can.link import parse_address
+from emulator.links.can.slcan_adapter import SlcanAdapter, slcan_line
+from emulator.links.can.socketcand import QUIET_MS, SocketcandSession
+from firmware_protocol.can.frames import FD_LENGTHS, CanFrame, FrameFlag
 
 
 def test_the_channel_opens_as_the_manual_says() -> None:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from analysis.readers import read_series
-from analysis.writers.series_csv import csv_text
+from analysis.formats import read_series
+from analysis.formats.named_csv import csv_text
 from host.cli import main
 from tests.scored_trials import scored
 

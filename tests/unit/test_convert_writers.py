@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.readers import read_series
-from analysis.writers import FORMATS, write_series
-from analysis.writers.errors import WriterError
-from analysis.writers.parquet import parquet_bytes
-from analysis.writers.series_csv import csv_text, endpoints_csv_text
+from analysis.formats import FORMATS, read_series, write_series
+from analysis.formats.errors import WriterError
+from analysis.formats.named_csv import csv_text, endpoints_csv_text
+from analysis.formats.parquet import parquet_bytes
 from tests.scored_trials import scored
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.angular_velocity import Motion
-from analysis.cycle_template import axis_speeds, locked_cycles
-from analysis.cycles import find_cycles
+from analysis.cycles.motion import Motion
+from analysis.cycles.search import find_cycles
+from analysis.cycles.template import axis_speeds, locked_cycles
 from analysis.series import OrientationSeries
 from tests.simulated_motion import Trial, cosine, simulate, theta_bar_deg, trapezoid, triangle, two_humps
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.cycle_analysis import Endpoint
-from analysis.cycles import find_cycles
-from analysis.online_cycles import OnlineCycleDetector
+from analysis.cycles.online.detector import OnlineCycleDetector
+from analysis.cycles.search import find_cycles
+from analysis.cycles.settings import Endpoint
 from analysis.series import OrientationSeries
 from tests.simulated_motion import cosine, from_rotation_vectors, sawtooth, simulate, trapezoid, two_humps
 

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.angular_velocity import Motion, angular_velocity
-from analysis.cycle_analysis import Endpoint
-from analysis.cycle_likeness import irregularity, likeness, rests
-from analysis.cycle_template import axis_speeds, locked_cycles, template_turning_points
-from analysis.endpoints import pose_jumps
-from analysis.motion_axis import motion_axis
-from analysis.online_humps import HumpFilter
-from analysis.period import find_period, vector_autocorrelation
+from analysis.cycles.axis import motion_axis
+from analysis.cycles.endpoints import pose_jumps
+from analysis.cycles.motion import Motion, angular_velocity
+from analysis.cycles.online.filters import HumpFilter
+from analysis.cycles.period import find_period, vector_autocorrelation
+from analysis.cycles.settings import Endpoint
+from analysis.cycles.template import axis_speeds, locked_cycles, template_turning_points
+from analysis.cycles.turning_points import dwell, swings, turning_points, without_short_pairs
+from analysis.cycles.usable_samples import Samples, lone_outliers, sample_noise_rad
+from analysis.cycles.verdict import irregularity, likeness, rests
 from analysis.series import OrientationSeries
-from analysis.turning_points import dwell, swings, turning_points, without_short_pairs
-from analysis.usable_samples import Samples, lone_outliers, sample_noise_rad
 from tests.simulated_motion import from_angular_velocity, from_rotation_vectors, simulate, trapezoid
 
 

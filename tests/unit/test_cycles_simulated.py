@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.cycles import CycleAnalysis, find_cycles
+from analysis.cycles.search import CycleAnalysis, find_cycles
 from analysis.series import OrientationSeries
 from tests.simulated_motion import (
     cosine,
@@ -264,5 +264,5 @@ def test_forty_thousand_rows_in_half_a_second():
 
 
 def test_scipy_is_not_loaded_by_the_import():
-    code = "import sys, analysis.cycles, analysis.online_cycles; sys.exit('scipy' in sys.modules)"
+    code = "import sys, analysis.cycles.search, analysis.cycles.online.detector; sys.exit('scipy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -8,9 +8,9 @@ import zlib
 import numpy as np
 import pytest
 
-from analysis.reporting import figure_style as look
+from analysis.formats.parquet import parquet_bytes
+from analysis.reporting import style as look
 from analysis.series import OrientationSeries
-from analysis.writers.parquet import parquet_bytes
 from host.submission.drawn_comparison import shows_the_same
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis import averages, rotations
-from analysis.drift import rotation_drift, step_rotations, translation_drift_mm
+from analysis.geometry import averages, rotations
+from analysis.scoring.card import rotation_drift, step_rotations, translation_drift_mm
 from analysis.series import SeriesError
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3.0

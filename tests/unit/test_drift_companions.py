@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis import averages, rotations
-from analysis.companions import drift_companions, drift_over_phase, leave_one_out, orientation_at, pose_slope
-from analysis.drift import rotation_drift
+from analysis.geometry import averages, rotations
+from analysis.scoring.card import rotation_drift
+from analysis.scoring.diagnostics import drift_companions, drift_over_phase, leave_one_out, orientation_at, pose_slope
 from analysis.series import OrientationSeries, SeriesError
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3.0

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.baseline import measure_baseline
-from emulator.faults import FaultSettings, TimedFault
-from host.recording.recorded_trial import assemble
-from host.trial_state import MISSED
+from analysis.sensor.baseline import measure_baseline
+from emulator.faults.definitions import FaultSettings, TimedFault
+from host.recording.load import assemble
+from host.trial.state import MISSED
 from tests.faulty_trials import faulty_chunks
 from tests.recorded_trials import scenario, virtual_chunks
 from tests.watched_trials import watched

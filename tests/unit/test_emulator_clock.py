@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from emulator.device_clock import ClockSettings, DeviceClock
+from emulator.device.clock import ClockSettings, DeviceClock
 
 HOUR_S = np.linspace(0.0, 7200.0, 5001)
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emulator.imu_model import Readings
+from emulator.device.imu_model import Readings
+from emulator.device.sample_stream import pack_orientations, pack_raw_imu
 from emulator.links.memory_link import MemoryLink
-from emulator.sample_stream import pack_orientations, pack_raw_imu
 from emulator.scenario import Scenario, load_scenario
 from emulator.virtual_object import VirtualObject
 from firmware_protocol import packets as p
 from firmware_protocol.codec import decode_packet, encode_packet
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
 
 
 class Bench:

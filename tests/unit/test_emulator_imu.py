@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from emulator.imu_model import ImuModel, ImuSettings
+from emulator.device.imu_model import ImuModel, ImuSettings
 from firmware_protocol.packets import OrientationFlag
 
 PERFECT = ImuSettings(

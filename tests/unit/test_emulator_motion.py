@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from emulator import ScenarioError
-from emulator.motion import DriftSettings, HandMotion, MotionSettings, drift_vectors
+from emulator.motion.hand_motion import DriftSettings, HandMotion, MotionSettings, drift_vectors
 from emulator.scenario import load_scenario, scenario_names
 
 

@@ -5,7 +5,7 @@ import re
 import tomllib
 from pathlib import Path
 
-from emulator.faults import parse_fault_command
+from emulator.faults.definitions import parse_fault_command
 from emulator.links import open_link
 from emulator.reference import fill
 from emulator.scenario import Scenario, load_scenario, scenario_names

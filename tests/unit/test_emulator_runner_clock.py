@@ -4,12 +4,12 @@ import threading
 import time
 from dataclasses import replace
 
-from emulator.device_clock import ClockSettings
+from emulator.device.clock import ClockSettings
 from emulator.links.memory_link import MemoryLink
 from emulator.runner import run
 from emulator.scenario import load_scenario
 from firmware_protocol.packets import TimeReply, TimeRequest
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
 
 SLOW_READ_S = 0.05
 

@@ -5,7 +5,7 @@ from dataclasses import fields, is_dataclass
 import pytest
 
 from emulator import ScenarioError
-from emulator.motion import MotionSettings
+from emulator.motion.hand_motion import MotionSettings
 from emulator.scenario import MAX_FILE_BYTES, Scenario, load_scenario, scenario_names
 
 

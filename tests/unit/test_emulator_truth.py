@@ -13,7 +13,7 @@ from emulator.scenario import load_scenario, scenario_names
 from emulator.truth import mean_drift, step_angles_deg, write_truth
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.packets import Start
-from firmware_protocol.stream import OrientationBatch, StreamDecoder
+from firmware_protocol.serial.decoder import OrientationBatch, StreamDecoder
 
 
 def as_rotation(quats_wxyz):

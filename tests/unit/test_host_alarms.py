@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from host.capture.alarms import HOLD_S, AlarmWatch
 from host.capture.guide import Guide, GuideSettings
-from host.loss_ledger import LossReport
-from host.trial_state import CycleRow, LinkView, MotionView, SensorView, TrialState
+from host.losses.ledger import LossReport
+from host.trial.state import CycleRow, LinkView, MotionView, SensorView, TrialState
 
 STEP_S = 0.5
 

@@ -14,19 +14,19 @@ from emulator.links.memory_link import MemoryLink
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Ack, AckCode, GetInfo, Info
-from firmware_protocol.serial_framing import encode_frame
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
+from firmware_protocol.serial.framing import encode_frame
 from host.capture import run as capture_run
 from host.capture.loop import Capture, CaptureSettings
 from host.errors import FileError, LinkError, LinkLostError, NoAnswerError, WrongObjectError
+from host.links.memory import MemoryTransport
+from host.links.transport import Chunk
+from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
-from host.recording.recorded_trial import load_trial
 from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen
-from host.session import SessionSettings
-from host.transports.chunks import Chunk
-from host.transports.memory import MemoryTransport
-from host.trial import Trial
+from host.stream.session import SessionSettings
+from host.trial.live import Trial
 from tests.recorded_trials import scenario, virtual_chunks
 
 QUICK = {"motion": {"cycles": 60, "period_s": 0.5, "swing_deg": 20.0, "lead_in_s": 0.1}}

@@ -7,12 +7,12 @@ import pytest
 from rich.cells import cell_len
 from rich.console import Console
 
-from host.dashboard import Look, View, picture, render
-from host.dashboard.big_digits import big_text
-from host.dashboard.verdicts import verdicts
-from host.loss_ledger import LossReport
+from host.losses.ledger import LossReport
+from host.screen.dashboard.canvas import big_text
+from host.screen.dashboard.picture import Look, View, picture, render
+from host.screen.dashboard.score_panel import verdicts
 from host.screen.screens import LineScreen, QuietScreen, _shows_ascii_only, open_screen
-from host.trial_state import Alarm, CycleRow, GuideView, LinkView, MotionView, RecordingView, SensorView, TrialState
+from host.trial.state import Alarm, CycleRow, GuideView, LinkView, MotionView, RecordingView, SensorView, TrialState
 
 
 def drawn(state, width=80, height=24, **options):

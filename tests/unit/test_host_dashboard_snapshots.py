@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from rich.cells import cell_len
 
-from host.dashboard import Look, View, picture
+from host.screen.dashboard.picture import Look, View, picture
 from tests.unit.dashboard_states import ALARM, FOLDER, GUIDED, NOTHING, RUNNING, SECOND, SNAPSHOTS, draw
 
 

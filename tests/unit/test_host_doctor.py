@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from emulator.faults import FaultSettings
+from emulator.faults.definitions import FaultSettings
 from host.doctor import machine_check
 from host.doctor.findings import Finding, Verdict, judged
 from host.doctor.link_check import check_link
-from host.transports.can_listing import CanPort
-from host.transports.serial_listing import SerialPort
+from host.links.can.listing import CanPort
+from host.links.serial.listing import SerialPort
 from host.virtual_object_process import VirtualObjectProcess
 from tests.command_line import quick_scenario, rotdrift
 from tests.faulty_trials import faulty_chunks

@@ -2,13 +2,13 @@
 
 import pytest
 
-from firmware_protocol.can_frames import CanFrame, FrameFlag, pack_frames
+from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
 from host.errors import FileError, LinkError, LinkLostError
-from host.transports import link_log
-from host.transports.chunks import Chunk, FrameChunk, LinkEnd
-from host.transports.link_log import LinkLog
-from host.transports.memory import MemoryTransport
-from host.transports.reconnecting import ReconnectingTransport
+from host.links import link_log
+from host.links.link_log import LinkLog
+from host.links.memory import MemoryTransport
+from host.links.reconnecting import ReconnectingTransport
+from host.links.transport import Chunk, FrameChunk, LinkEnd
 
 MS = 1_000_000
 

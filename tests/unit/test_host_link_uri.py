@@ -3,8 +3,8 @@
 import pytest
 
 from host.errors import UsageError
-from host.link_uri import parse_link_uri
-from host.transports import open_transport
+from host.links import open_transport
+from host.links.uri import parse_link_uri
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_protocol.packets import Status
-from host.loss_ledger import LossLedger, LossReport
-from host.loss_verdict import LossVerdict, judge_losses
-from host.missing_runs import MissingTotals, missing_between
-from host.sequence_unwrap import SequenceUnwrapper
+from host.losses.ledger import LossLedger, LossReport
+from host.losses.runs import MissingTotals, missing_between
+from host.losses.verdict import LossVerdict, judge_losses
+from host.stream.numbers import SequenceUnwrapper
 
 
 def status(produced, dropped=0):

@@ -7,21 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis import averages, rotations
-from analysis.cycle_analysis import Endpoint
-from analysis.drift import rotation_drift
-from analysis.precision import steps_needed
-from analysis.score_parts import ExcludedCycle
+from analysis.cycles.settings import Endpoint
+from analysis.geometry import averages, rotations
+from analysis.scoring.card import rotation_drift
+from analysis.scoring.interval import drift_interval, steps_needed
+from analysis.scoring.score_parts import ExcludedCycle
 from analysis.series import SeriesError
-from analysis.uncertainty import drift_interval
-from host import operator_actions as did
 from host.capture.operator_desk import OperatorDesk
-from host.dashboard import View
-from host.operator_actions import OperatorAction, action_of, edits_of
-from host.running_score import RunningScore
+from host.screen.dashboard.picture import View
 from host.screen.keys import KeyReader, ScreenAction
-from host.trial import Trial
-from host.trial_state import OUTSIDE, CycleRow, TrialState, WindowView
+from host.trial import operator as did
+from host.trial.live import Trial
+from host.trial.operator import OperatorAction, action_of, edits_of
+from host.trial.running_score import RunningScore
+from host.trial.state import OUTSIDE, CycleRow, TrialState, WindowView
 
 ROW = CycleRow(4, 20.0, 4.0, 0.8, None, 0.8)
 RUNNING = (TrialState(n_endpoints=5, cycles=(ROW,)),)

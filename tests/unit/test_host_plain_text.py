@@ -5,7 +5,7 @@ import unicodedata
 from hypothesis import given
 from hypothesis import strategies as st
 
-from host.plain_text import plain
+from host.text import plain
 
 
 def test_escape_sequences_and_line_breaks_do_not_survive():

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from firmware_protocol.packets import Ack, AckCode, Info, OrientationBatch, PacketType, Status
-from firmware_protocol.stream import StreamDecoder
+from firmware_protocol.serial.decoder import StreamDecoder
 from host.errors import LinkError, LinkLostError, WrongObjectError
-from host.link import Link, grouped, joined
-from host.recording.recorded_trial import assemble
-from host.samples import HELD_NS, SampleAssembler
-from host.session import Phase, Session, SessionSettings
-from host.transports.chunks import Chunk
-from host.transports.memory import MemoryTransport
-from host.transports.reconnecting import LONGEST_PAUSE_S, ReconnectingTransport
+from host.links.memory import MemoryTransport
+from host.links.reconnecting import LONGEST_PAUSE_S, ReconnectingTransport
+from host.links.transport import Chunk, joined
+from host.recording.load import assemble
+from host.stream.decoding import Link, grouped
+from host.stream.samples import HELD_NS, SampleAssembler
+from host.stream.session import Phase, Session, SessionSettings
 from tests.recorded_trials import scenario, virtual_chunks
 
 MS = 1_000_000

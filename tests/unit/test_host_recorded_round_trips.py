@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from firmware_protocol.can_frames import pack_frames
+from firmware_protocol.can.frames import pack_frames
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import TimeReply, TimeRequest
-from firmware_protocol.serial_framing import encode_frame
-from firmware_protocol.stream import encode_command
-from host.recording.recorded_trial import load_trial
-from host.recording.round_trips import RecordedRoundTrips
-from host.recording.trial_assembly import TrialAssembly
+from firmware_protocol.serial.decoder import encode_command
+from firmware_protocol.serial.framing import encode_frame
+from host.links.transport import Chunk, FrameChunk
+from host.recording.arrivals import RecordedRoundTrips
+from host.recording.assembly import TrialAssembly
+from host.recording.load import load_trial
 from host.recording.writer import RecordingWriter
-from host.transports.chunks import Chunk, FrameChunk
 from tests.can_traffic import object_at, timed
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks
 

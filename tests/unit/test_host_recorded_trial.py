@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.drift import rotation_drift
+from analysis.scoring.card import rotation_drift
 from firmware_protocol.packets import OrientationBatch
-from host.link import Link
-from host.recording.recorded_trial import assemble, load_trial
-from host.samples import SampleAssembler
+from host.recording.load import assemble, load_trial
+from host.stream.decoding import Link
+from host.stream.samples import SampleAssembler
 from tests.joined_blocks import series_of
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
 

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 
 from firmware_protocol.packets import Info, Status
 from host.errors import FileError
+from host.links import open_transport
+from host.links.transport import Chunk, FrameChunk, LinkEnd
 from host.recording import format as fmt
+from host.recording.cdr import RosField, RosMessageType
 from host.recording.reader import RecordingReader, is_our_recording
-from host.recording.ros_message import RosField, RosMessageType
-from host.transports import open_transport
-from host.transports.chunks import Chunk, FrameChunk, LinkEnd
-from host.transports.replay import ReplayTransport
+from host.recording.replay_link import ReplayTransport
 from tests.small_recordings import MONO, WALL, chunks, writer
 
 
@@ -106,10 +106,10 @@ def test_ros_opens_the_recording_and_reads_every_channel(recording):
 
 def test_the_reader_of_bags_finds_the_same_orientations_as_the_raw_bytes(tmp_path):
     pytest.importorskip("rosbags")
-    from analysis.readers import read_series
+    from analysis.formats import read_series
     from host.capture.loop import CaptureSettings
     from host.capture.run import run_capture
-    from host.recording.recorded_trial import load_trial
+    from host.recording.load import load_trial
     from host.screen.screens import QuietScreen
     from tests.recorded_trials import scenario, virtual_chunks, write_recording
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from emulator.faults import FaultSettings
-from firmware_protocol.can_frames import pack_frames
+from emulator.faults.definitions import FaultSettings
+from firmware_protocol.can.frames import pack_frames
 from firmware_protocol.packets import Info, OrientationBatch
-from host.link import Link
-from host.recording.recorded_trial import assemble
-from host.recording.sample_arrivals import SampleArrivals, clock_values
-from host.recording.trial_assembly import TrialAssembly
-from host.scoring.result import score_trial
-from host.transports.chunks import Chunk, FrameChunk
+from host.links.transport import Chunk, FrameChunk
+from host.recording.arrivals import SampleArrivals, clock_values
+from host.recording.assembly import TrialAssembly
+from host.recording.load import assemble
+from host.results.result import score_trial
+from host.stream.decoding import Link
 from tests.can_traffic import object_at, sample_packets, timed
 from tests.faulty_trials import faulty_chunks
 from tests.recorded_trials import scenario, virtual_chunks
@@ -100,7 +100,7 @@ def test_resets_reopened_links_and_steps_are_segments():
 def test_a_long_recording_is_thinned_and_says_the_same(monkeypatch):
     chunks, _ = virtual_chunks(scenario("ideal", clock={"skew_ppm": 60.0, "wander_ppm": 0.0}), chunk_s=0.002)
     whole = assemble(chunks, "x").clock
-    monkeypatch.setattr("host.recording.sample_arrivals.MAX_CHUNKS", 1500)
+    monkeypatch.setattr("host.recording.arrivals.MAX_CHUNKS", 1500)
     thinned = assemble(chunks, "x").clock
     assert thinned["arrivals"] < 0.5 * whole["arrivals"]
     assert thinned["skew_ppm"] == pytest.approx(whole["skew_ppm"], abs=15.0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from host.sample_blocks import SampleBlock
-from host.sample_series import FIRST_SAMPLES, SampleGatherer
+from host.stream.blocks import SampleBlock
+from host.stream.series import FIRST_SAMPLES, SampleGatherer
 
 
 def blocks(n, size):

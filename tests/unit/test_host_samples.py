@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Event, EventKind, Info, Orientation, OrientationBatch, Status
-from firmware_protocol.serial_framing import encode_frame
-from host.link import Link, grouped, joined
-from host.samples import SampleAssembler
-from host.transports.chunks import Chunk
+from firmware_protocol.serial.framing import encode_frame
+from host.links.transport import Chunk, joined
+from host.stream.decoding import Link, grouped
+from host.stream.samples import SampleAssembler
 from tests.joined_blocks import series_of
 
 PERIOD_US = 5000

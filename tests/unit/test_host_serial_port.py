@@ -21,10 +21,10 @@ from host.errors import (
     PortPermissionError,
     UsageError,
 )
-from host.transports import open_transport
-from host.transports.chunks import MAX_CHUNK_BYTES
-from host.transports.port_owner import port_owners
-from host.transports.serial_errors import translate_io_error, translate_open_error
+from host.links import open_transport
+from host.links.serial.errors import translate_io_error, translate_open_error
+from host.links.serial.listing import port_owners
+from host.links.transport import MAX_CHUNK_BYTES
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no ptys on Windows")
 
@@ -202,7 +202,7 @@ def test_who_holds_a_port_is_read_from_proc(tmp_path):
 
 
 def test_a_reading_thread_leaves_no_thread_and_no_descriptor_behind(pty):
-    from host.reader import ReaderThread
+    from host.links.reader_thread import ReaderThread
 
     master, name = pty
     descriptors = Path("/proc/self/fd")

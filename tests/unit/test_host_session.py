@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from firmware_protocol.items import ForeignInfo
 from firmware_protocol.packets import (
     Ack,
     AckCode,
@@ -18,9 +19,8 @@ from firmware_protocol.packets import (
     TimeReply,
     TimeRequest,
 )
-from firmware_protocol.stream import ForeignInfo
 from host.errors import NoAnswerError, WrongObjectError
-from host.session import Phase, Session, SessionSettings
+from host.stream.session import Phase, Session, SessionSettings
 
 MS = 1_000_000
 SAMPLES = OrientationBatch(

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from host.capture.playback import play
-from host.link import Link
-from host.rate_meter import RateMeter
-from host.recording.recorded_trial import assemble
-from host.running_score import MAX_ROWS
-from host.scoring.result import losses_per_cycle, result_text, score_trial
+from host.links.transport import Chunk
+from host.recording.load import assemble
+from host.recording.replay_link import ReplayTransport
+from host.results.result import losses_per_cycle, result_text, score_trial
 from host.screen.screens import QuietScreen
 from host.stop_signals import StopSignals
-from host.transports.chunks import Chunk
-from host.transports.replay import ReplayTransport
-from host.trial import Trial
-from host.trial_state import LinkView
+from host.stream.decoding import Link
+from host.stream.rate import RateMeter
+from host.trial.live import Trial
+from host.trial.running_score import MAX_ROWS
+from host.trial.state import LinkView
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
 from tests.watched_trials import watched
 

@@ -240,11 +240,11 @@ def test_another_major_version_is_named_whatever_else_it_sends():
 
 def test_reading_samples_does_not_load_construct():
     code = (
-        "import sys, firmware_protocol.stream as s;"
+        "import sys, firmware_protocol.serial.decoder as s;"
         "s.StreamDecoder().feed(bytes.fromhex('%s'));"
         "sys.exit('construct' in sys.modules)"
     )
     frame = codec.encode_packet(Orientation(1, 2, (1.0, 0.0, 0.0, 0.0)))
-    from firmware_protocol.serial_framing import encode_frame
+    from firmware_protocol.serial.framing import encode_frame
 
     assert subprocess.run([sys.executable, "-c", code % encode_frame(frame).hex()], check=False).returncode == 0

@@ -5,7 +5,7 @@ from binascii import crc_hqx
 import numpy as np
 import pytest
 
-from firmware_protocol.batch import FEW_PACKETS, crc_columns
+from firmware_protocol.serial.batch import FEW_PACKETS, crc_columns
 
 
 @pytest.mark.parametrize("n", [1, 2, 300, FEW_PACKETS, FEW_PACKETS + 1])

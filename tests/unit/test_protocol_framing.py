@@ -4,7 +4,7 @@ import pytest
 from cobs import cobs
 
 from firmware_protocol.errors import PacketValueError
-from firmware_protocol.serial_framing import (
+from firmware_protocol.serial.framing import (
     MAX_PACKET_BYTES,
     MAX_PIECE_BYTES,
     FrameDecoder,

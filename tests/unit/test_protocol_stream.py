@@ -8,10 +8,12 @@ import struct
 import numpy as np
 import pytest
 
-from firmware_protocol import codec, quantization, stream
+from firmware_protocol import codec, quantization
+from firmware_protocol.items import ForeignInfo
 from firmware_protocol.packets import GetInfo, Info, Orientation, OrientationBatch, PacketType, Status
-from firmware_protocol.serial_framing import encode_frame
-from firmware_protocol.stream import ForeignInfo, StreamDecoder, encode_command
+from firmware_protocol.serial import decoder as stream
+from firmware_protocol.serial.decoder import StreamDecoder, encode_command
+from firmware_protocol.serial.framing import encode_frame
 from tests.wire_streams import (
     assert_accounted,
     assert_same,

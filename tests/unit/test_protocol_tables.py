@@ -6,13 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from firmware_protocol import codec, packets, quantization, schema, serial_framing, stream
+from firmware_protocol import codec, packets, quantization, schema
 from firmware_protocol.errors import PacketValueError
 from firmware_protocol.packets import PacketType
+from firmware_protocol.serial import decoder as stream
+from firmware_protocol.serial import framing as serial_framing
 from firmware_protocol.vectors import load_vectors
 from firmware_protocol.vectors.definitions import PACKETS
-from host.session import SessionSettings
-from host.transports.serial_port import DEFAULT_BAUD
+from host.links.serial.port import DEFAULT_BAUD
+from host.stream.session import SessionSettings
 
 TEXT = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
 BITS = {"u8": 8, "u16": 16, "u32": 32, "u64": 64}

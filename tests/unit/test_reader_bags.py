@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis import rotations
-from analysis.readers import ReaderError, read_series
+from analysis.formats import ReaderError, read_series
+from analysis.geometry import rotations
 from tests import reader_files as files
 
 rosbag1 = pytest.importorskip("rosbags.rosbag1", reason="the extra rotdrift[ros] is not installed")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis.readers.convention_check import _wander_deg, convention_warnings
+from analysis.formats.conventions import _wander_deg, convention_warnings
 from analysis.series import OrientationSeries
 
 N = 3000

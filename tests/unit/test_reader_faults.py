@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from analysis.readers import ReaderError, read_series
-from analysis.readers.number_table import plain
+from analysis.formats import ReaderError, read_series
+from analysis.formats.text_table import plain
 from tests import reader_files as files
 
 

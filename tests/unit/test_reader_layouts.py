@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis import rotations
-from analysis.readers import ReaderError, read_series
+from analysis.formats import ReaderError, read_series
+from analysis.geometry import rotations
 from tests import reader_files as files
 
 NAMES = ",ts,tx,ty,tz,rx,ry,rz,qx,qy,qz,qw,motor0,motor1"

@@ -7,13 +7,13 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from analysis.reporting import figure_style as look
-from analysis.reporting.bundle import bundle_bytes
+from analysis.reporting import style as look
 from analysis.reporting.comparison import ComparedSource, compare, difference_text, forest_figure
 from analysis.reporting.errors import ComparisonError
 from analysis.reporting.site import comparison_html, site_files
-from analysis.reporting.summary import TrialFigure, pool, summary_csv, summary_latex, summary_markdown
+from analysis.reporting.tables import TrialFigure, pool, summary_csv, summary_latex, summary_markdown
 from host.cli import main
+from host.submission.bundle import bundle_bytes
 
 RULES = (("card", "V1.0"), ("score version", "1"))
 
@@ -178,7 +178,7 @@ def test_very_long_names_leave_room_for_the_plot():
 
 @pytest.fixture
 def bundles(tmp_path):
-    from analysis.writers.series_csv import csv_text
+    from analysis.formats.named_csv import csv_text
     from host.cards.definitions import parse_cards
     from host.submission.contents import build_submission
     from host.submission.source import TrialSource

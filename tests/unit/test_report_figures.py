@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from analysis.reporting import figure_style as look
+from analysis.reporting import style as look
 from analysis.reporting.clouds import MAX_CLOUD_POINTS, clouds_of, turn_about_axis
 from analysis.reporting.figure_set import CAPTIONS, draw_figures, make_figure
 from analysis.reporting.figures import _thinned, numbers_shown, summary_figure
 from analysis.reporting.point_numbers import number_offsets
 from analysis.reporting.result_view import ResultView
 from analysis.reporting.wording import methods_text
-from analysis.scoring import score_series
+from analysis.scoring.trial import score_series
 from analysis.series import OrientationSeries
 from tests.scored_trials import scored, trial_report
 from tests.simulated_motion import simulate

@@ -10,12 +10,12 @@ from dataclasses import replace
 import pytest
 
 from analysis.reporting.figure_set import draw_figures
+from analysis.reporting.html import report_html
 from analysis.reporting.interactive import BUNDLE, plotly_base64
-from analysis.reporting.report import report_html
-from analysis.reporting.report_pdf import report_pdf
+from analysis.reporting.pdf import report_pdf
 from analysis.reporting.wording import cycle_rows, methods_text
-from analysis.score_parts import ExcludedCycle
-from analysis.scoring import score_series
+from analysis.scoring.score_parts import ExcludedCycle
+from analysis.scoring.trial import score_series
 from tests.scored_trials import scored, trial_report
 
 HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)>\"'{{7*7}} \x1b[31mred & <b>"

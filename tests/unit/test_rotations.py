@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis import averages, rotations
+from analysis.geometry import averages, rotations
 
 N = 10_000  # more than two blocks
 
@@ -168,5 +168,5 @@ def test_scipy_border_round_trip(pair):
 
 
 def test_importing_rotations_does_not_import_scipy():
-    code = "import sys, analysis.rotations; sys.exit('scipy' in sys.modules)"
+    code = "import sys, analysis.geometry.rotations; sys.exit('scipy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis import averages, rotations
+from analysis.geometry import averages, rotations
 
 
 def test_groups_filled_up_with_anything_give_their_own_averages():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis import euler_angles, rotations
+from analysis.geometry import euler_angles, rotations
 
 
 def assert_same_rotation(p, q, tolerance=1e-12):

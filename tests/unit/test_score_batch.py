@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from host.scoring import batch
+from host.results import batch
 
 
 def deadly(path, *_how):

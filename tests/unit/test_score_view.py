@@ -11,13 +11,12 @@ import pytest
 from rich.cells import cell_len
 from rich.console import Console
 
-from analysis.baseline import StaticBaseline
-from analysis.endpoint_choice import EndpointChoice
-from analysis.scoring import score_series
+from analysis.scoring.choice import EndpointChoice
+from analysis.scoring.trial import score_series
+from analysis.sensor.baseline import StaticBaseline
 from analysis.series import OrientationSeries
-from host.scoring.batch import BatchRow
-from host.scoring.table import print_batch
-from host.scoring.view import print_score
+from host.results.batch import BatchRow
+from host.results.printout import print_batch, print_score
 from tests.simulated_motion import simulate
 
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis import rotations
-from analysis.baseline import StaticBaseline
-from analysis.drift import rotation_drift
-from analysis.endpoint_choice import EndpointChoice
-from analysis.scoring import score_series
+from analysis.geometry import rotations
+from analysis.scoring.card import rotation_drift
+from analysis.scoring.choice import EndpointChoice
+from analysis.scoring.trial import score_series
+from analysis.sensor.baseline import StaticBaseline
 from analysis.series import OrientationSeries, SeriesError, SetAside
 from tests.simulated_motion import cosine, random_smooth, simulate, trapezoid
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.as_published import published_drift
-from analysis.euler_angles import from_euler
+from analysis.geometry.euler_angles import from_euler
+from analysis.scoring.as_published import published_drift
 from analysis.series import SeriesError
 
 

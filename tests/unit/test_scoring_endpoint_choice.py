@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.endpoint_choice import EndpointChoice, as_choice, load_endpoints, parse_endpoints
+from analysis.scoring.choice import EndpointChoice, as_choice, load_endpoints, parse_endpoints
 from analysis.series import ReaderError
 
 

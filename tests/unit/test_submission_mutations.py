@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 import host.submission.verification
-from analysis.reporting.bundle import MANIFEST, bundle_bytes, manifest_text, read_bundle
-from analysis.writers.series_csv import csv_text
+from analysis.formats.named_csv import csv_text
 from host.cards.definitions import parse_cards
 from host.cli import main
+from host.submission.bundle import MANIFEST, bundle_bytes, manifest_text, read_bundle
 from host.submission.contents import build_submission
 from host.submission.source import TrialSource
 from host.submission.verification import verify_files
@@ -252,7 +252,7 @@ def test_a_name_that_stands_twice_is_found(undrawn, verified):
 
 
 def test_a_manifest_in_another_order_is_found(undrawn):
-    from analysis.reporting.bundle import check_manifest
+    from host.submission.bundle import check_manifest
 
     lines = manifest_text(undrawn.files).splitlines(keepends=True)
     found = check_manifest({**undrawn.files, MANIFEST: "".join(lines[::-1]).encode()})

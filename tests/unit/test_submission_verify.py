@@ -6,13 +6,13 @@ import tomllib
 import pytest
 from msgspec import structs
 
-from analysis.reporting.bundle import MANIFEST, bundle_bytes, manifest_text
-from analysis.writers import write_series
-from analysis.writers.series_csv import csv_text
+from analysis.formats import write_series
+from analysis.formats.named_csv import csv_text
 from host.cards.definitions import Cards, parse_cards
 from host.errors import FileError, UsageError
+from host.submission.bundle import MANIFEST, bundle_bytes, manifest_text
 from host.submission.contents import build_submission, made_with
-from host.submission.format import parse_submission, submission_schema
+from host.submission.manifest import parse_submission, submission_schema
 from host.submission.source import Choices, TrialSource, load_source
 from host.submission.trial_labels import trial_labels
 from host.submission.verification import verify_bundle

@@ -4,14 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from analysis import rotations
-from analysis.uncertainty import (
-    MAX_CORRELATION,
-    detectable_drift_deg,
-    drift_interval,
-    heading_drift_bound_deg,
-    hotelling_p,
-)
+from analysis.geometry import rotations
+from analysis.scoring.interval import MAX_CORRELATION, drift_interval, hotelling_p
+from analysis.sensor.baseline import detectable_drift_deg, heading_drift_bound_deg
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3.0
 

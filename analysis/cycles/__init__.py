@@ -1,0 +1,1 @@
+"""Where each cycle of a motion ends: the search, step by step."""

@@ -1,0 +1,210 @@
+"""From turning points to end points: place, orientation, gates at the ends, runs."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.cycles.motion import BoolArray
+from analysis.cycles.settings import CycleSettings, Endpoint, LeftOut
+from analysis.cycles.turning_points import TurningPoints, dwell, swings
+from analysis.cycles.usable_samples import Samples
+from analysis.geometry import rotations
+from analysis.series import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """All extremes of one kind, in time order, measured."""
+
+    endpoints: tuple[Endpoint, ...]
+    """One per extreme, without flags."""
+    inner_swing: FloatArray
+    """(k, 2) travel before and after each, as a share of the range of motion."""
+    refused: tuple[LeftOut, ...]
+    """Extremes inside data gaps."""
+
+
+def measure(
+    samples: Samples,
+    found: TurningPoints,
+    angle: FloatArray,
+    grid_s: tuple[float, float],
+    swing_rad: float,
+    period_s: float,
+    settings: CycleSettings,
+    *,
+    upper: bool,
+) -> Extremes:
+    """Place every extreme of one kind in the middle of its dwell and take its orientation.
+
+    Parameters
+    ----------
+    samples
+        Where orientations come from.
+    found
+        Turning points of both kinds.
+    angle
+        (m + 1,) rotation about the motion axis, rad.
+    grid_s
+        Time of the first grid point and distance between grid points, s.
+    swing_rad
+        Range of motion, rad.
+    period_s
+        Length of a cycle, s.
+    settings
+        Depth of the dwell, width of the average, largest gap.
+    upper
+        Which kind.
+    """
+    start_s, step_s = grid_s
+    before, after = swings(found, angle)
+    bounds = np.concatenate(([0], found.points, [len(angle) - 1]))
+    max_gap_s = max(settings.max_gap * period_s, 3.0 * samples.usual_step_s)
+    chosen = np.flatnonzero(found.upper == upper)
+    least = np.minimum(before, after)[chosen]
+    depths = settings.dwell_depth * np.minimum(swing_rad, least / settings.hysteresis)  # below R where humps are passed
+    dwells = [
+        dwell(angle, int(found.points[k]), int(bounds[k]), int(bounds[k + 2]), depth)
+        for k, depth in zip(chosen.tolist(), depths.tolist(), strict=True)
+    ]
+    first, last = np.array(dwells).reshape(-1, 2).T
+    times_s = start_s + 0.5 * (first + last) * step_s
+    gaps_s = samples.brackets_s(times_s)
+    near_gaps = samples.have_gaps(start_s + first * step_s, start_s + last * step_s, max_gap_s)
+    names = samples.nearest(times_s)
+    kept = np.flatnonzero(gaps_s <= max_gap_s)
+    quats = samples.orientations(times_s[kept], settings.average * period_s)
+    endpoints = tuple(
+        Endpoint(
+            time_s=float(times_s[k]),
+            index=int(names[k]),
+            quat_wxyz=quat,
+            dwell_s=float((last[k] - first[k]) * step_s),
+            prominence_deg=float(np.degrees(least[k])),
+            flags=("gap nearby",) if near_gaps[k] else (),
+        )
+        for k, quat in zip(kept.tolist(), quats, strict=True)
+    )
+    refused = tuple(
+        LeftOut(float(times_s[k]), f"inside a gap of {gaps_s[k]:.3g} s in the data", primary=False)
+        for k in np.flatnonzero(gaps_s > max_gap_s).tolist()
+    )
+    travel = np.stack([before, after], axis=1)[chosen[kept]] / swing_rad
+    return Extremes(endpoints, travel, refused)
+
+
+def split_runs(extremes: Extremes, period_s: float, settings: CycleSettings) -> list[slice]:
+    """Stretches of extremes without a pause, in time order."""
+    times_s = np.array([point.time_s for point in extremes.endpoints])
+    cuts = 1 + np.flatnonzero(np.diff(times_s) > settings.pause * period_s)
+    edges = [0, *cuts.tolist(), len(times_s)]
+    return [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
+
+
+def gate_ends(
+    extremes: Extremes, run: slice, period_s: float, settings: CycleSettings, *, any_tempo: bool = False
+) -> tuple[slice, list[LeftOut]]:
+    """Leave out idle poses and irregular cycles at the two ends of a run; the inside is never touched.
+
+    Parameters
+    ----------
+    extremes
+        All extremes of one kind.
+    run
+        Which of them.
+    period_s
+        Length of a cycle, s.
+    settings
+        What is regular.
+    any_tempo
+        Tempo changes so much that the length of a cycle is judged by that of the next one.
+
+    Returns
+    -------
+    run, left_out
+        What remains, and what was taken off with the reason.
+    """
+    first, last = run.start, run.stop
+    left_out: list[LeftOut] = []
+    usual_dwell_s = float(np.median([point.dwell_s for point in extremes.endpoints[run]]))
+    times_s = [point.time_s for point in extremes.endpoints]
+
+    def usual_s(inner: int, further: int) -> float:
+        return abs(times_s[further] - times_s[inner]) if any_tempo and last - first >= 3 else period_s
+
+    while last - first >= 2 and (
+        why := _irregular(extremes, first, first + 1, usual_s(first + 1, first + 2), usual_dwell_s, settings)
+    ):
+        left_out.append(LeftOut(extremes.endpoints[first].time_s, f"first cycle: {why}", primary=False))
+        first += 1
+    while last - first >= 2 and (
+        why := _irregular(extremes, last - 1, last - 2, usual_s(last - 2, last - 3), usual_dwell_s, settings)
+    ):
+        left_out.append(LeftOut(extremes.endpoints[last - 1].time_s, f"last cycle: {why}", primary=False))
+        last -= 1
+    return slice(first, last), left_out
+
+
+def _irregular(
+    extremes: Extremes, end: int, inner: int, period_s: float, usual_dwell_s: float, settings: CycleSettings
+) -> str:
+    """Why the extreme at an end of a run is no end point; empty where it is one."""
+    points = extremes.endpoints
+    spacing = abs(points[inner].time_s - points[end].time_s) / period_s
+    outward, inward = extremes.inner_swing[end][[0, 1] if inner > end else [1, 0]].tolist()
+    if outward < settings.hysteresis:
+        return "the pose before the motion or after it"
+    if points[end].dwell_s > 2.0 * usual_dwell_s + 0.25 * period_s:
+        return f"idle pose, held {points[end].dwell_s:.2f} s"
+    if not settings.spacing[0] <= spacing <= settings.spacing[1]:
+        return f"{spacing:.2f} periods from the next"
+    if not settings.swing[0] <= inward <= settings.swing[1]:
+        return f"swing of {inward:.2f} times the usual"
+    return ""
+
+
+def with_flags(extremes: Extremes, run: slice, period_s: float, settings: CycleSettings) -> tuple[Endpoint, ...]:
+    """Flag what is odd about the end points of a run; nothing is dropped."""
+    points = extremes.endpoints[run]
+    travel = extremes.inner_swing[run]
+    spacing = np.diff([point.time_s for point in points]) / period_s
+    odd_spacing = ~((spacing >= settings.spacing[0]) & (spacing <= settings.spacing[1]))
+    odd_swing = np.any((travel < settings.swing[0]) | (travel > settings.swing[1]), axis=1).tolist()
+    usual_dwell_s = float(np.median([point.dwell_s for point in points]))
+    jump = pose_jumps(np.array([point.quat_wxyz for point in points]))
+    flagged = []
+    for k, point in enumerate(points):
+        flags = list(point.flags)
+        if k and odd_spacing[k - 1]:
+            flags.append("odd spacing")
+        if odd_swing[k]:
+            flags.append("odd swing")
+        if k and jump[k - 1]:
+            flags.append("pose jump")
+        if point.dwell_s > 2.0 * usual_dwell_s + 0.25 * period_s:
+            flags.append("long dwell")
+        flagged.append(replace(point, flags=tuple(flags)))
+    return tuple(flagged)
+
+
+def pose_jumps(quats: FloatArray) -> BoolArray:
+    """Find steps far larger than the others: slips.
+
+    Parameters
+    ----------
+    quats
+        (k, 4) orientations at the end points.
+
+    Returns
+    -------
+    (k − 1,) True where the angle of a step is above the median by 6 times the spread and 0.1°.
+    """
+    if len(quats) < 4:
+        return np.zeros(max(len(quats) - 1, 0), dtype=bool)
+    steps = rotations.distance(quats[1:], quats[:-1])
+    middle = float(np.median(steps))
+    spread = float(np.median(np.abs(steps - middle)))
+    return np.asarray(steps > middle + 6.0 * 1.4826 * spread + np.radians(0.1), dtype=np.bool_)

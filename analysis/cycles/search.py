@@ -1,0 +1,276 @@
+"""Where each cycle ends, found offline from the orientation alone, with no number set per recording.
+
+The steps, in order: angular velocity on an even grid (:mod:`analysis.cycles.motion`); the active part; the period
+(:mod:`analysis.cycles.period`); the motion axis and the angle about it (:mod:`analysis.cycles.axis`); its turning
+points (:mod:`analysis.cycles.turning_points`), by a template where a cycle has several humps
+(:mod:`analysis.cycles.template`); end points in the middle of their dwell, gates at the ends only, runs
+(:mod:`analysis.cycles.endpoints`).
+Irregular cycles inside a trial are kept and flagged, never dropped: a slip is what the benchmark measures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.cycles.axis import AxisAngle, motion_axis
+from analysis.cycles.endpoints import Extremes, gate_ends, measure, split_runs, with_flags
+from analysis.cycles.motion import Motion, angular_velocity
+from analysis.cycles.period import Period, search_period
+from analysis.cycles.settings import CycleAnalysis, CycleSettings, Endpoint, LeftOut, Run
+from analysis.cycles.template import axis_speeds, locked_cycles, template_turning_points
+from analysis.cycles.turning_points import NONE_FOUND, TurningPoints, turning_points, without_short_pairs
+from analysis.cycles.usable_samples import Samples
+from analysis.cycles.verdict import why_no_period, with_verdict
+from analysis.series import FloatArray, OrientationSeries
+
+__all__ = ["CycleAnalysis", "CycleSettings", "Endpoint", "LeftOut", "Run", "find_cycles"]
+
+_DEFAULTS = CycleSettings()
+_MAX_GRID_PER_SAMPLE = 50
+_SMALL_GRID = 1_000_000  # costs nothing, however empty
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """One of the two extremes: its runs, the longest of them, and what fell off."""
+
+    runs: tuple[tuple[Endpoint, ...], ...]
+    longest: int
+    left_out: tuple[LeftOut, ...]
+
+    @property
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        return self.runs[self.longest] if self.runs else ()
+
+
+def find_cycles(
+    series: OrientationSeries,
+    settings: CycleSettings = _DEFAULTS,
+    window: tuple[float, float] | None = None,
+    like_s: Sequence[float] = (),
+) -> CycleAnalysis:
+    """Find the end points of a periodic motion, or say why there are none to score.
+
+    Parameters
+    ----------
+    series
+        The recording.
+    settings
+        Numbers of the method; the defaults suit every recording.
+    window
+        (from, to) in the time of the series, s: end points whose dwell touches it are taken, all of them, and the
+        period comes from this part alone. None finds the window: from the first to the last regular cycle.
+    like_s
+        Times of end points: the extreme that they lie at is the primary one, however many each has.
+
+    Returns
+    -------
+    Never raises for a poor recording: ``valid`` is False and ``reasons`` say why.
+    """
+    nothing = CycleAnalysis(valid=False, reasons=(), warnings=(), settings=settings, window=window)
+    samples = Samples.of(series)
+    if empty := _mostly_empty(samples, settings):
+        return replace(nothing, reasons=(empty,))
+    motion = angular_velocity(
+        samples, rate_hz=settings.rate_hz, sigma_s=settings.sigma_s, moving_share=settings.moving_share
+    )
+    if motion is None:
+        return replace(nothing, reasons=(f"too short: {len(series)} samples",))
+    result = _find(nothing, motion, samples, like_s)
+    if not result.valid:
+        # Putting the object in place or dropping it may turn it further than all cycles, which then looked idle.
+        slower = motion.with_moving_share(settings.moving_share, path_share=settings.slow_path_share, percentile=50.0)
+        if slower.threshold < 0.5 * motion.threshold:
+            again = _find(nothing, slower, samples, like_s)
+            return again if again.valid else result
+    return result
+
+
+def _mostly_empty(samples: Samples, settings: CycleSettings) -> str:
+    """Say why an even grid would hold hardly anything, and fill the memory: a wrong unit of time, or a clock set."""
+    n = len(samples.times_s)
+    if n < 2 or (samples.times_s[-1] - samples.times_s[0]) * settings.rate_hz <= _MAX_GRID_PER_SAMPLE * n + _SMALL_GRID:
+        return ""
+    gaps_s = np.diff(samples.times_s)
+    if samples.usual_step_s > 0.5:
+        return f"samples are {samples.usual_step_s:.3g} s apart, too far for any cycle: is the unit of time right?"
+    widest = int(np.argmax(gaps_s))
+    after_s = samples.times_s[widest] - samples.times_s[0]
+    return (
+        f"a gap of {gaps_s[widest]:.3g} s, {after_s:.3f} s after the first sample: was the clock set there? Cut the "
+        "recording, or choose end points"
+    )
+
+
+def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples, like_s: Sequence[float]) -> CycleAnalysis:
+    """Search the part of a recording in which the object moves."""
+    settings, window = nothing.settings, nothing.window
+    first, last = _active(motion, window)
+    if last - first < 4:
+        return replace(nothing, reasons=("the object does not move",))
+    active_s = (motion.start_s + first / motion.rate_hz, motion.start_s + last / motion.rate_hz)
+    nothing = replace(nothing, active_s=active_s)
+    period, smooth_s = search_period(motion.part(first, last), samples, settings)
+    refused = nothing
+    if period is None or period.confidence < settings.min_confidence:
+        refused = replace(
+            nothing,
+            reasons=(why_no_period(motion.part(first, last), period, settings),),
+            period_confidence=0.0 if period is None else period.confidence,
+        )
+        if period is None or period.confidence < settings.min_tempo_confidence:
+            return refused
+    if window is not None:  # the travel to the first and from the last end point may lie outside the window
+        margin = int(period.seconds * motion.rate_hz)
+        first, last = first - margin, last + margin
+    result = _with_endpoints(nothing, samples, motion.part(first, last), period, smooth_s, like_s)
+    return refused if refused.reasons and not result.valid else result
+
+
+def _active(motion: Motion, window: tuple[float, float] | None) -> tuple[int, int]:
+    if window is None:
+        return motion.active()
+    start, end = (int(np.clip((t - motion.start_s) * motion.rate_hz, 0, len(motion.omega))) for t in window)
+    first, last = motion.part(start, end).active()
+    return start + first, start + last
+
+
+def _with_endpoints(
+    nothing: CycleAnalysis,
+    samples: Samples,
+    motion: Motion,
+    period: Period,
+    smooth_s: float,
+    like_s: Sequence[float],
+) -> CycleAnalysis:
+    settings = nothing.settings
+    turning = motion_axis(
+        motion,
+        period.seconds,
+        sigma_periods=settings.axis_sigma,
+        smooth_s=smooth_s,
+        speed_limit=settings.speed_limit,
+    )
+    swing_deg = float(np.degrees(turning.swing_rad))
+    result = replace(
+        nothing,
+        period_s=period.seconds,
+        period_confidence=period.confidence,
+        axis=turning.mean_axis,
+        axis_share=turning.share,
+        swing_deg=swing_deg,
+    )
+    if swing_deg < settings.min_swing_deg:
+        return replace(result, reasons=(f"range of motion {swing_deg:.2f}°, needs {settings.min_swing_deg}°",))
+    found, humps = _turning_points(motion, turning, period, settings)
+    if humps == 0:  # every swing is a cycle, of changing length: the autocorrelation saw several as one
+        spacing = np.concatenate([np.diff(found.points[found.upper == kind]) for kind in (True, False)])
+        period = Period(float(np.median(spacing)) / motion.rate_hz, period.confidence)
+        result, humps = replace(result, period_s=period.seconds), 1
+    candidates = []
+    for upper in (True, False):
+        extremes = measure(
+            samples,
+            found,
+            turning.angle_rad,
+            (motion.start_s, 1.0 / motion.rate_hz),
+            turning.swing_rad,
+            period.seconds,
+            settings,
+            upper=upper,
+        )
+        candidates.append(_candidate(extremes, period, nothing.window, settings))
+    primary, other = sorted(
+        candidates,
+        key=lambda c: (
+            -_alike(c.endpoints, like_s, 0.25 * period.seconds),
+            -len(c.endpoints),
+            c.endpoints[0].time_s if c.endpoints else np.inf,
+        ),
+    )
+    left_out = [replace(item, primary=True) for item in primary.left_out] + list(other.left_out)
+    result = replace(
+        result,
+        endpoints=primary.endpoints,
+        other_endpoints=other.endpoints,
+        runs=tuple(Run(run, scored=k == primary.longest) for k, run in enumerate(primary.runs)),
+        left_out=tuple(sorted(left_out, key=lambda item: item.time_s)),
+        humps=humps,
+    )
+    return with_verdict(result, motion, turning, samples, period)
+
+
+def _alike(endpoints: Sequence[Endpoint], like_s: Sequence[float], within_s: float) -> int:
+    """Count the end points that lie at given times."""
+    if not like_s or not endpoints:
+        return 0
+    times_s, like = np.array([point.time_s for point in endpoints]), np.sort(like_s)
+    at = np.searchsorted(like, times_s)
+    before, after = like[(at - 1).clip(0)], like[at.clip(max=len(like) - 1)]
+    return int(np.sum(np.minimum(np.abs(times_s - before), np.abs(times_s - after)) < within_s))
+
+
+def _turning_points(
+    motion: Motion, turning: AxisAngle, period: Period, settings: CycleSettings
+) -> tuple[TurningPoints, int]:
+    """Find one turning point of each kind per cycle, and how many per cycle the bare hysteresis found.
+
+    Zero stands for: one each, but the period is wrong.
+    """
+    length = period.seconds * motion.rate_hz
+    found = turning_points(turning.angle_rad, settings.hysteresis * turning.swing_rad)
+    spacing = np.concatenate([np.diff(found.points[found.upper == kind]) for kind in (True, False)]) / length
+    if len(spacing) == 0:
+        return found, 1
+    if period.confidence < settings.min_confidence:
+        return (found, 0) if _even_swings(found, turning.angle_rad, settings) else (NONE_FOUND, 1)
+    low, high = settings.spacing
+    if low <= np.median(spacing) <= high and np.mean(spacing < low) < 0.2:
+        return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
+    if period.confidence < settings.sure_confidence and _even_swings(found, turning.angle_rad, settings):
+        return found, 0
+    starts = locked_cycles(axis_speeds(motion, turning.angle_rad, settings.speed_limit), round(length))
+    if len(starts) < 2:
+        return found, 1
+    humps = max(round(1.0 / float(np.median(spacing))), 1)
+    return template_turning_points(turning.angle_rad, starts, round(length)), humps
+
+
+def _even_swings(found: TurningPoints, angle: FloatArray, settings: CycleSettings) -> bool:
+    """Whether four fifths of all swings are of one size: then each there-and-back is a cycle, whatever its length."""
+    travel = np.abs(np.diff(angle[found.points]))
+    size = travel / np.median(travel)
+    return (
+        len(travel) >= 5 and float(np.mean((size > settings.even_swings[0]) & (size < settings.even_swings[1]))) >= 0.8
+    )
+
+
+def _candidate(
+    extremes: Extremes, period: Period, window: tuple[float, float] | None, settings: CycleSettings
+) -> _Candidate:
+    period_s, any_tempo = period.seconds, period.confidence < settings.min_confidence
+    runs: list[tuple[Endpoint, ...]] = []
+    left_out = list(extremes.refused)
+    for piece in split_runs(extremes, period_s, settings):
+        run, off = piece, list[LeftOut]()
+        if window is None:
+            run, off = gate_ends(extremes, piece, period_s, settings, any_tempo=any_tempo)
+        else:
+            inside = [k for k in range(piece.start, piece.stop) if _inside(extremes.endpoints[k], window)]
+            run = slice(inside[0], inside[-1] + 1) if inside else slice(0, 0)
+        left_out += off
+        if run.stop - run.start == 1:  # no cycle ends here: an idle pose, or what is left between two pauses
+            point = extremes.endpoints[run.start]
+            left_out.append(LeftOut(point.time_s, f"alone, held {point.dwell_s:.2f} s", primary=False))
+        elif run.stop > run.start:
+            runs.append(with_flags(extremes, run, period_s, settings))
+    longest = int(np.argmax([len(run) for run in runs])) if runs else 0
+    return _Candidate(tuple(runs), longest, tuple(left_out))
+
+
+def _inside(point: Endpoint, window: tuple[float, float]) -> bool:
+    """Whether the dwell of an end point touches the window: a window may be cut at the end points themselves."""
+    return window[0] - 0.5 * point.dwell_s <= point.time_s <= window[1] + 0.5 * point.dwell_s

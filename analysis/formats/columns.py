@@ -1,0 +1,236 @@
+"""What the columns of a file mean: names, units, order and convention, declared in one line.
+
+``t=time,qw=q0,qx=q1,qy=q2,qz=q3,time=ms,product=jpl,maps=world-to-body`` or
+``t=ts,e1=yaw,e2=pitch,e3=roll,angle=deg,euler=intrinsic-zyx``
+
+=========== ============================================================ ==============
+key         meaning                                                      default
+=========== ============================================================ ==============
+t           column with time                                             none: give the rate
+qw qx qy qz columns of the quaternion, each named, so order is no matter
+e1 e2 e3    columns of the Euler angles, in the order ``euler`` says
+px py pz    columns of the position                                      none
+ax ay az    columns of the acceleration, body frame                      none
+time        unit of t: s, ms, us, ns                                     s
+angle       unit of e1 e2 e3: rad, deg                                   must be given
+euler       intrinsic-zyx, extrinsic-xyz, …                              must be given
+length      unit of px py pz: m, cm, mm, inch                            m
+accel       unit of ax ay az: mps2, g                                    mps2
+product     hamilton or jpl                                              hamilton
+maps        body-to-world or world-to-body                               body-to-world
+=========== ============================================================ ==============
+
+A column is given by its name in the header, or as ``#2`` by its 0-based number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.formats.text_table import plain
+from analysis.geometry import rotations
+from analysis.geometry.euler_angles import from_euler
+from analysis.series import FloatArray, ReaderError
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
+ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
+ACCELERATION_UNITS = {"mps2": 1.0, "g": 9.80665}
+PRODUCTS = ("hamilton", "jpl")
+MAPS = ("body-to-world", "world-to-body")
+QUATERNION = ("qw", "qx", "qy", "qz")
+EULER = ("e1", "e2", "e3")
+POSITION = ("px", "py", "pz")
+ACCELERATION = ("ax", "ay", "az")
+_COLUMN_KEYS = ("t", *QUATERNION, *EULER, *POSITION, *ACCELERATION)
+_SAYS_OF = {"time": "t", "angle": "e1", "euler": "e1", "length": "px", "accel": "ax", "product": "qw"}
+
+
+@dataclass(frozen=True)
+class ColumnSpec:
+    """Declared meaning of a file's columns."""
+
+    columns: tuple[tuple[str, str], ...]
+    """(key, column name or #number) pairs; keys as in the table above."""
+    time: str = "s"
+    """Unit of t."""
+    angle: str = ""
+    """Unit of the Euler angles."""
+    euler: str = ""
+    """``intrinsic-`` or ``extrinsic-`` and the order."""
+    length: str = "m"
+    """Unit of the position."""
+    accel: str = "mps2"
+    """Unit of the acceleration."""
+    product: str = "hamilton"
+    """Quaternion product the numbers were made for."""
+    maps: str = "body-to-world"
+    """What the rotation does to coordinates."""
+
+    @property
+    def names(self) -> dict[str, str]:
+        """Key to column name."""
+        return dict(self.columns)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys in a fixed order."""
+        return tuple(key for key in _COLUMN_KEYS if key in self.names)
+
+    @property
+    def convention(self) -> str:
+        """The convention in words, for the result."""
+        if self.euler:
+            kind, order = self.euler.split("-")
+            named = ", ".join(plain(self.names[key]) for key in EULER)
+            what = f"Euler {kind} {'-'.join(order)} ({named}), {self.angle}"
+        else:
+            named = ",".join(plain(self.names[key]) for key in QUATERNION)
+            what = f"quaternion w,x,y,z = {named}, {'Hamilton' if self.product == 'hamilton' else 'JPL'}"
+        return f"{what}, {self.maps.replace('-', ' ')}"
+
+
+def parse_columns(text: str) -> ColumnSpec:
+    """Parse the declaration of a file's columns.
+
+    Parameters
+    ----------
+    text
+        ``key=value`` pairs with commas between; the keys are those of this module's table.
+
+    Returns
+    -------
+    ColumnSpec
+
+    Raises
+    ------
+    ReaderError
+        An unknown key or value, or something missing; names it.
+    """
+    columns: dict[str, str] = {}
+    settings: dict[str, str] = {}
+    allowed = {
+        "time": tuple(TIME_UNITS),
+        "angle": tuple(ANGLE_UNITS),
+        "length": tuple(LENGTH_UNITS),
+        "accel": tuple(ACCELERATION_UNITS),
+        "product": PRODUCTS,
+        "maps": MAPS,
+        "euler": (),
+    }
+    for part in text.split(","):
+        key, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or not value:
+            raise ReaderError(f"--columns: '{plain(part)}' is not key=value; e.g. t=time,qw=w,qx=x,qy=y,qz=z")
+        if key in columns or key in settings:
+            raise ReaderError(f"--columns: {plain(key)} is given twice")
+        if key in _COLUMN_KEYS:
+            columns[key] = value
+        elif key in allowed:
+            settings[key] = value = value.lower()
+            if allowed[key] and value not in allowed[key]:
+                raise ReaderError(f"--columns: {key}={plain(value)} is not one of {', '.join(allowed[key])}")
+        else:
+            raise ReaderError(
+                f"--columns: unknown key '{plain(key)}'; there are {', '.join((*_COLUMN_KEYS, *allowed))}"
+            )
+    _check(columns, settings)
+    return ColumnSpec(columns=tuple(columns.items()), **settings)
+
+
+def _check(columns: dict[str, str], settings: dict[str, str]) -> None:
+    with_quaternion = any(key in columns for key in QUATERNION)
+    with_euler = any(key in columns for key in EULER)
+    if with_quaternion == with_euler:
+        raise ReaderError("--columns needs either qw, qx, qy, qz or e1, e2, e3 with euler= and angle=")
+    for group in (QUATERNION if with_quaternion else EULER, POSITION, ACCELERATION):
+        missing = [key for key in group if key not in columns]
+        optional = group in (POSITION, ACCELERATION)
+        if missing and not (optional and len(missing) == len(group)):
+            raise ReaderError(f"--columns: {', '.join(missing)} missing")
+    for key, column in _SAYS_OF.items():
+        if key in settings and column not in columns:
+            raise ReaderError(f"--columns: {key}={plain(settings[key])} says something of {column}, which is not there")
+    if with_euler:
+        kind, _, order = settings.get("euler", "").partition("-")
+        axes = "".join(order.split("-"))
+        if kind not in ("intrinsic", "extrinsic") or not _is_order(axes):
+            raise ReaderError("--columns: Euler angles need euler=intrinsic-zyx, extrinsic-xyz or the like")
+        if "angle" not in settings:
+            raise ReaderError("--columns: Euler angles need angle=deg or angle=rad")
+        settings["euler"] = f"{kind}-{axes}"
+    elif settings.get("product") == "jpl" and "maps" not in settings:
+        raise ReaderError("--columns: product=jpl needs maps= as well: JPL data usually have maps=world-to-body")
+
+
+def _is_order(axes: str) -> bool:
+    return len(axes) == 3 and set(axes) <= set("xyz") and axes[0] != axes[1] and axes[1] != axes[2]
+
+
+def column_numbers(spec: ColumnSpec, header: Sequence[str], width: int) -> tuple[int, ...]:
+    """Find the declared columns.
+
+    Parameters
+    ----------
+    spec
+        The declaration.
+    header
+        Column names; empty where the file has no header.
+    width
+        Number of columns.
+
+    Returns
+    -------
+    One 0-based column number for each of ``spec.keys``.
+
+    Raises
+    ------
+    ReaderError
+        No such column, or two of the same name.
+    """
+    found = []
+    for key in spec.keys:
+        name = spec.names[key]
+        if name.startswith("#") and name[1:].isdigit() and name not in header:
+            if len(name) > 5 or int(name[1:]) >= width:
+                raise ReaderError(
+                    f"--columns: {key}={plain(name)}, but the file has {width} columns, #0 to #{width - 1}"
+                )
+            found.append(int(name[1:]))
+        elif list(header).count(name) > 1:
+            raise ReaderError(f"--columns: two columns are called '{plain(name)}'; name it by number, like #3")
+        elif name in header:
+            found.append(list(header).index(name))
+        else:
+            there = ", ".join(plain(column) for column in header[:20]) or "no header; name columns by number, like #3"
+            raise ReaderError(f"--columns: no column '{plain(name)}' for {key}; the file has {there}")
+    return tuple(found)
+
+
+def orientations(spec: ColumnSpec, values: FloatArray) -> FloatArray:
+    """Turn declared columns into Hamilton body-to-world quaternions.
+
+    A JPL quaternion that maps world to body has the same four numbers as the Hamilton one that maps body to world;
+    each single departure (JPL, or world to body) conjugates.
+
+    Parameters
+    ----------
+    spec
+        The declaration.
+    values
+        (n, 4) w, x, y, z or (n, 3) Euler angles, as in the file.
+
+    Returns
+    -------
+    (n, 4) scalar first; norms are left as they are.
+    """
+    if spec.euler:
+        kind, order = spec.euler.split("-")
+        quats = from_euler(values * ANGLE_UNITS[spec.angle], order, intrinsic=kind == "intrinsic")
+    else:
+        quats = values
+    conjugated = (spec.product == "jpl") != (spec.maps == "world-to-body")
+    return rotations.conjugate(quats) if conjugated else quats

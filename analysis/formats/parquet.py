@@ -1,0 +1,112 @@
+"""Parquet tables with named columns; needs the extra ``rotdrift[parquet]``."""
+
+from __future__ import annotations
+
+import importlib
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.formats.columns import QUATERNION, ColumnSpec, column_numbers
+from analysis.formats.errors import WriterError
+from analysis.formats.named_csv import WRITTEN_POSITION, guess_names, samples_of
+from analysis.formats.text_table import plain
+from analysis.formats.time_stamps import RawSamples
+from analysis.series import OrientationSeries, ReaderError
+
+MAGIC = b"PAR1"
+
+
+def read_parquet(path: Path, spec: ColumnSpec | None) -> RawSamples:
+    """Read a parquet file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    spec
+        What the columns mean; None to go by their names.
+
+    Returns
+    -------
+    RawSamples
+
+    Raises
+    ------
+    ReaderError
+        The extra is not installed, no such columns, a column without numbers, a missing value (names the row).
+    """
+    try:
+        arrow: Any = importlib.import_module("pyarrow")  # an extra, and slow to import
+        tables: Any = importlib.import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise ReaderError("parquet files need pyarrow: pip install 'rotdrift[parquet]'") from error
+    try:
+        file = tables.ParquetFile(path)
+        header = tuple(file.schema_arrow.names)
+        declared = spec is not None
+        if spec is None:
+            spec = guess_names(header)
+        if spec is None:
+            there = ", ".join(plain(name) for name in header[:20])
+            raise ReaderError(f"name the columns with --columns t=…,qw=…,qx=…,qy=…,qz=…; the file has {there}")
+        wanted = [header[number] for number in column_numbers(spec, header, len(header))]
+        table = file.read(columns=list(dict.fromkeys(wanted)))
+        columns = []
+        for name in wanted:
+            column = table.column(name)
+            if arrow.types.is_temporal(column.type):
+                raise ReaderError(f"column {plain(name)} holds dates; store the time as a number")
+            columns.append(column.to_numpy().astype(np.float64))
+    except arrow.ArrowInvalid as error:
+        raise ReaderError(f"{plain(path.name, 80)} is not a sound parquet file: {plain(str(error), 120)}") from error
+    except (TypeError, ValueError) as error:
+        raise ReaderError(f"column {plain(name)} of {plain(path.name, 80)} does not hold numbers") from error
+    values = np.stack(columns, axis=1)
+    bad = ~np.isfinite(values)
+    if bad.any():
+        row, place = (int(k) for k in np.argwhere(bad)[0])
+        raise ReaderError(
+            f"{plain(path.name, 80)} row {row}: no number in column {plain(wanted[place])}; mend or remove that row"
+        )
+    if len(values) == 0:
+        raise ReaderError(f"{plain(path.name, 80)} has no data rows: record again, or give another file")
+    return samples_of(values, spec, str(path), declared=declared)
+
+
+def parquet_bytes(series: OrientationSeries) -> bytes:
+    """Write samples as parquet; the same samples give the same bytes.
+
+    Parameters
+    ----------
+    series
+        What to write; columns as in the CSV, int64 and float64.
+
+    Raises
+    ------
+    WriterError
+        The extra is not installed.
+    """
+    try:
+        arrow: Any = importlib.import_module("pyarrow")  # an extra, and slow to import
+        tables: Any = importlib.import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise WriterError("parquet needs pyarrow: pip install 'rotdrift[parquet]'") from error
+    columns = {series.index_kind: series.index, "t_s": series.times_s}
+    columns.update(zip(QUATERNION, series.quats_wxyz.T, strict=True))
+    if series.positions_m is not None:
+        columns.update(zip(WRITTEN_POSITION, series.positions_m.T, strict=True))
+    table = arrow.table({name: arrow.array(values) for name, values in columns.items()})
+    table = table.replace_schema_metadata({"convention": series.convention})
+    buffer = io.BytesIO()
+    tables.write_table(table, buffer, compression="zstd")
+    return buffer.getvalue()
+
+
+def write_parquet(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
+    """Write a parquet file; see :func:`parquet_bytes`."""
+    del result
+    path.write_bytes(parquet_bytes(series))
+    return ()

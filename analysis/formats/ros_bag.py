@@ -1,0 +1,242 @@
+"""ROS 1 bags, ROS 2 bags (folders, MCAP or db3 storage) and single MCAP files; needs the extra ``rotdrift[ros]``.
+
+Read: sensor_msgs/Imu, geometry_msgs/PoseStamped, QuaternionStamped and TransformStamped, nav_msgs/Odometry. ROS
+quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 145). An Imu without an orientation says so by
+−1 in the first element of its covariance.
+
+Written: a folder with MCAP storage, ``PoseStamped`` where positions are known, else ``QuaternionStamped``, object to
+``world``.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.formats.errors import WriterError
+from analysis.formats.text_table import plain
+from analysis.formats.time_stamps import RawSamples
+from analysis.geometry import rotations
+from analysis.series import OrientationSeries, ReaderError
+
+ROS1_MAGIC = b"#ROSBAG V2"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+SQLITE_MAGIC = b"SQLite format 3"
+
+
+_LIBRARIES = {"rosbags", "lz4", "backports", "ruamel", "apsw", "bz2", "zlib"}
+_DAMAGE = (
+    OSError,
+    EOFError,
+    ValueError,
+    LookupError,
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    TypeError,
+    SyntaxError,  # rosbags makes classes of the types in a bag: their names are letters, digits and _ by its grammar
+    MemoryError,
+    RecursionError,
+    struct.error,
+)
+_MEND = "copy it anew, or recover it with an MCAP or ROS tool"
+_Pose = tuple[Any, Any | None, Any | None]  # quaternion, position, acceleration
+
+
+def _imu(message: Any) -> _Pose:  # noqa: ANN401  (generated classes of rosbags)
+    if message.orientation_covariance[0] == -1.0:
+        raise ReaderError(
+            "the sensor gives no orientation, as its orientation_covariance says; run an orientation filter, such as "
+            "imu_filter_madgwick, and record its topic"
+        )
+    return message.orientation, None, message.linear_acceleration
+
+
+def _pose(message: Any) -> _Pose:  # noqa: ANN401
+    return message.pose.orientation, message.pose.position, None
+
+
+def _quaternion(message: Any) -> _Pose:  # noqa: ANN401
+    return message.quaternion, None, None
+
+
+def _odometry(message: Any) -> _Pose:  # noqa: ANN401
+    return message.pose.pose.orientation, message.pose.pose.position, None
+
+
+def _transform(message: Any) -> _Pose:  # noqa: ANN401
+    return message.transform.rotation, message.transform.translation, None
+
+
+TYPES: dict[str, Callable[[Any], _Pose]] = {
+    "sensor_msgs/msg/Imu": _imu,
+    "geometry_msgs/msg/PoseStamped": _pose,
+    "geometry_msgs/msg/QuaternionStamped": _quaternion,
+    "geometry_msgs/msg/TransformStamped": _transform,
+    "nav_msgs/msg/Odometry": _odometry,
+}
+"""Message types that carry an orientation, and where."""
+
+
+def is_bag(path: Path, start: bytes) -> bool:
+    """Tell whether a path is a bag or an MCAP file.
+
+    Parameters
+    ----------
+    path
+        File or folder.
+    start
+        Its first bytes; empty for a folder.
+    """
+    return (path / "metadata.yaml").is_file() or start.startswith((ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC))
+
+
+def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
+    """Read the orientations of one topic.
+
+    Parameters
+    ----------
+    path
+        Bag file, bag folder or MCAP file.
+    topic
+        Which topic; needed where several carry orientations.
+
+    Returns
+    -------
+    RawSamples
+        Times are those of the message headers; where these are not set, those of reception (said in the notes).
+
+    Raises
+    ------
+    ReaderError
+        The extra is not installed; no or several topics to choose from (lists them); a damaged bag.
+    """
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise ReaderError("ROS bags need rosbags: pip install 'rotdrift[ros]'") from error
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    try:
+        with AnyReader([path], default_typestore=store) as reader:
+            name, kind = _choose({t: info.msgtype for t, info in reader.topics.items()}, topic, path)
+            connections = [c for c in reader.connections if c.topic == name]
+            messages = (
+                (stamp_ns, reader.deserialize(data, connection.msgtype))
+                for connection, stamp_ns, data in reader.messages(connections=connections)
+            )
+            return _collect(messages, TYPES[kind], path, f"{name} ({kind})")
+    except ReaderError:
+        raise
+    except AnyReaderError as error:
+        what = plain(str(error), 160).rstrip(".")
+        raise ReaderError(f"{plain(path.name, 80)} cannot be read as a bag ({what}): {_MEND}") from error
+    except Exception as error:
+        # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through.
+        said_by_library = type(error).__module__.split(".")[0] in _LIBRARIES
+        if said_by_library or isinstance(error, _DAMAGE):
+            what = f" ({plain(str(error), 160)})" if said_by_library else ""  # Python's own words explain nothing
+            raise ReaderError(f"{plain(path.name, 80)} is damaged or cut off{what}: {_MEND}") from error
+        raise
+
+
+def _choose(topics: dict[str, str | None], topic: str | None, path: Path) -> tuple[str, str]:
+    usable = {name: kind for name, kind in topics.items() if kind in TYPES}
+    listed = ", ".join(f"{plain(name)} ({kind})" for name, kind in sorted(usable.items())) or "none"
+    if topic is not None:
+        if topic not in usable:
+            raise ReaderError(f"no orientations on topic '{plain(topic)}'; topics that have them: {listed}")
+        return topic, str(usable[topic])
+    if not usable:
+        raise ReaderError(
+            f"{plain(path.name, 80)} has no topic with orientations: record one of {', '.join(sorted(TYPES))}"
+        )
+    if len(usable) > 1:
+        raise ReaderError(f"several topics have orientations; choose with --topic: {listed}")
+    (name, kind), *_ = usable.items()
+    return name, str(kind)
+
+
+def _collect(messages: Iterator[tuple[int, Any]], pose_of: Callable[[Any], _Pose], path: Path, what: str) -> RawSamples:
+    times, received, quats, positions, accelerations = [], [], [], [], []
+    frames: set[tuple[str, str]] = set()
+    for stamp_ns, message in messages:
+        quat, position, acceleration = pose_of(message)
+        header = message.header.stamp
+        # Whole seconds since the epoch keep 0.2 us in a double; that is enough for cycles of seconds.
+        times.append(header.sec + header.nanosec * 1e-9)
+        received.append(stamp_ns * 1e-9)
+        quats.append((quat.w, quat.x, quat.y, quat.z))
+        if position is not None:
+            positions.append((position.x, position.y, position.z))
+        if acceleration is not None:
+            accelerations.append((acceleration.x, acceleration.y, acceleration.z))
+        frames.add((str(message.header.frame_id), str(getattr(message, "child_frame_id", ""))))
+    if not quats:
+        raise ReaderError(f"topic {plain(what, 80)} of {plain(path.name, 80)} has no messages")
+    notes, warnings = [f"topic {plain(what, 120)}"], []
+    times_s = np.array(times)
+    if len(times) > 1 and len(np.unique(times_s)) < 2:
+        times_s = np.array(received)
+        notes.append("message headers carry no time; times of reception used")
+    if len(frames) > 1:
+        named = ", ".join(sorted(plain("→".join(filter(None, pair))) or "(unnamed)" for pair in frames))
+        warnings.append(f"the topic mixes several frames ({plain(named, 120)}); record one object per topic")
+    return RawSamples(
+        quats_wxyz=np.array(quats, dtype=np.float64),
+        times_s=times_s,
+        positions_m=np.array(positions, dtype=np.float64) if positions else None,
+        accelerations_mps2=np.array(accelerations, dtype=np.float64) if accelerations else None,
+        convention=f"ROS {what.split('(')[-1].rstrip(')')}: quaternion x,y,z,w, Hamilton, body to world",
+        source=str(path),
+        notes=tuple(notes),
+        warnings=tuple(warnings),
+    )
+
+
+TOPIC = "/object/orientation"
+FRAME = "world"
+
+
+def write_ros_bag(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
+    """Write a ROS 2 bag; message times are the recording's own.
+
+    Raises
+    ------
+    WriterError
+        The extra is not installed, times are before 1970, or the name is that of a ROS 1 bag.
+    """
+    del result
+    try:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise WriterError("ROS bags need rosbags: pip install 'rotdrift[ros]'") from error
+    if path.suffix.lower() == ".bag":
+        raise WriterError(
+            "a name in .bag means ROS 1, and readers would take it so; leave the ending off: a ROS 2 bag is a folder"
+        )
+    if len(series) and series.times_s[0] < 0:
+        raise WriterError("a ROS time cannot be negative")
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types: Any = store.types
+    with_positions = series.positions_m is not None
+    kind = "geometry_msgs/msg/PoseStamped" if with_positions else "geometry_msgs/msg/QuaternionStamped"
+    quaternion, point = types["geometry_msgs/msg/Quaternion"], types["geometry_msgs/msg/Point"]
+    header, stamp = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
+    nanoseconds = [round(time_s * 1e9) for time_s in series.times_s.tolist()]
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        connection = bag.add_connection(TOPIC, kind, typestore=store)
+        for row, (at_ns, parts) in enumerate(
+            zip(nanoseconds, rotations.to_xyzw(series.quats_wxyz).tolist(), strict=True)
+        ):
+            head = header(stamp(*divmod(at_ns, 10**9)), FRAME)
+            body: Any = quaternion(*parts)
+            if series.positions_m is not None:
+                body = types["geometry_msgs/msg/Pose"](point(*series.positions_m[row].tolist()), body)
+            bag.write(connection, at_ns, store.serialize_cdr(types[kind](head, body), kind))
+    return ()

@@ -1,0 +1,1 @@
+"""Rotations as arrays: arithmetic, averages, Euler angles."""

@@ -1,0 +1,73 @@
+"""Euler angles to and from quaternions; never without their order and intrinsic or extrinsic.
+
+Extrinsic x-y-z with angles (a, b, c) is the same rotation as intrinsic z-y-x with (c, b, a).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.geometry.rotations import IDENTITY, FloatArray, multiply
+
+_AXES = {"x": 1, "y": 2, "z": 3}
+_POLE = 1e-8  # cosine of an elevation too near to ±π/2 for azimuth and roll to be told apart
+
+
+def from_euler(angles_rad: npt.ArrayLike, order: str, *, intrinsic: bool) -> FloatArray:
+    """Turn Euler angles into unit quaternions.
+
+    Parameters
+    ----------
+    angles_rad
+        (..., 3) rad, in the order of ``order``.
+    order
+        Three of x, y, z, e.g. ``"zyx"``; neighbours differ.
+    intrinsic
+        True: about the axes of the turning body (written Z-Y'-X''); false: about the fixed axes.
+
+    Returns
+    -------
+    (..., 4) unit, scalar first.
+
+    Raises
+    ------
+    ValueError
+        An order that is not one.
+    """
+    axes = order.lower()
+    if len(axes) != 3 or not set(axes) <= set("xyz") or axes[0] == axes[1] or axes[1] == axes[2]:
+        raise ValueError(f"Euler order {order!r} is not three axes like 'xyz' or 'zxz'")
+    angles = np.asarray(angles_rad, dtype=np.float64)
+    half = 0.5 * angles
+    result = IDENTITY
+    for position, axis in enumerate(axes):
+        turn = np.zeros((*angles.shape[:-1], 4))
+        turn[..., 0] = np.cos(half[..., position])
+        turn[..., _AXES[axis]] = np.sin(half[..., position])
+        result = multiply(result, turn) if intrinsic else multiply(turn, result)
+    return result
+
+
+def to_euler_zyx(q: npt.ArrayLike) -> FloatArray:
+    """Intrinsic z-y-x angles (azimuth, elevation, roll); reversed, they are the extrinsic x-y-z angles.
+
+    Parameters
+    ----------
+    q
+        (..., 4) unit, scalar first.
+
+    Returns
+    -------
+    (..., 3) rad; azimuth and roll in (−π, π], elevation in [−π/2, π/2]. At ±π/2, where
+    only azimuth ∓ roll is defined, roll is 0.
+    """
+    w, x, y, z = np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0)
+    across, along = 2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)
+    cosine, sine = np.hypot(across, along), 2.0 * (w * y - z * x)
+    pole = cosine < _POLE  # nothing but rounding is left of across and along
+    azimuth = np.where(pole, -np.sign(sine) * 2.0 * np.arctan2(x, w), np.arctan2(across, along))
+    azimuth = np.arctan2(np.sin(azimuth), np.cos(azimuth))
+    elevation = np.arctan2(sine, cosine)
+    roll = np.where(pole, 0.0, np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)))
+    return np.stack((azimuth, elevation, roll), axis=-1)

@@ -1,0 +1,197 @@
+"""Repeats pooled, and the summary as CSV, Markdown and LaTeX. Only here are trials pooled."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.formats.named_csv import safe_cell
+from analysis.series import FloatArray
+
+
+@dataclass(frozen=True)
+class TrialFigure:
+    """One trial as the summary needs it."""
+
+    hand: str
+    object: str
+    motion: str
+    theta_bar_deg: float | None
+    """θ̄, None where no score is claimed."""
+    interval_deg: tuple[float, float] | None
+    """Its interval within the trial."""
+
+
+@dataclass(frozen=True)
+class PooledFigure:
+    """All trials of one hand, object and motion."""
+
+    hand: str
+    object: str
+    motion: str
+    n_trials: int
+    """All."""
+    n_valid: int
+    """Those with a score."""
+    mean_deg: float | None
+    """Mean of their θ̄."""
+    min_deg: float | None
+    """Smallest θ̄."""
+    max_deg: float | None
+    """Largest θ̄."""
+    interval_deg: tuple[float, float] | None
+    """95 % interval, see ``interval_kind``."""
+    interval_kind: str
+    """``within the trial``: of the only one; ``between trials``: t interval of the mean; ``none``."""
+
+
+def pool(trials: Sequence[TrialFigure]) -> list[PooledFigure]:
+    """Pool repeats: mean, range, and an interval of the mean.
+
+    With two or more valid repeats the interval is mean ± t(0.975, k − 1)·s/√k over their θ̄, cut at 0: it holds what
+    differs from trial to trial, which no single trial shows. With one it is that trial's own.
+
+    Parameters
+    ----------
+    trials
+        In any order.
+
+    Returns
+    -------
+    One row per hand, object and motion, sorted by these.
+    """
+    groups: dict[tuple[str, str, str], list[TrialFigure]] = {}
+    for trial in trials:
+        groups.setdefault((trial.hand, trial.object, trial.motion), []).append(trial)
+    pooled = []
+    for (hand, thing, motion), group in sorted(groups.items()):
+        valid = [trial for trial in group if trial.theta_bar_deg is not None]
+        values: FloatArray = np.array([trial.theta_bar_deg for trial in valid], dtype=np.float64)
+        interval, kind = _interval(values, valid)
+        pooled.append(
+            PooledFigure(
+                hand=hand,
+                object=thing,
+                motion=motion,
+                n_trials=len(group),
+                n_valid=len(valid),
+                mean_deg=float(values.mean()) if len(values) else None,
+                min_deg=float(values.min()) if len(values) else None,
+                max_deg=float(values.max()) if len(values) else None,
+                interval_deg=interval,
+                interval_kind=kind,
+            )
+        )
+    return pooled
+
+
+def _interval(values: FloatArray, valid: Sequence[TrialFigure]) -> tuple[tuple[float, float] | None, str]:
+    from scipy.special import stdtrit  # slow to import
+
+    if len(values) == 1:
+        return valid[0].interval_deg, "within the trial" if valid[0].interval_deg else "none"
+    if len(values) == 0:
+        return None, "none"
+    mean = float(values.mean())
+    half = float(stdtrit(len(values) - 1, 0.975)) * float(values.std(ddof=1)) / math.sqrt(len(values))
+    return (max(0.0, mean - half), mean + half), "between trials"
+
+
+COLUMNS = ("hand", "object", "motion", "θ̄ (°)", "95 % interval (°)", "range (°)", "trials")
+
+
+def summary_csv(rows: Sequence[PooledFigure]) -> str:
+    """Write the summary as CSV, full precision, units in the names."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    names = "hand object motion theta_bar_mean_deg interval_low_deg interval_high_deg interval_kind"
+    names += " theta_bar_min_deg theta_bar_max_deg n_valid n_trials"
+    writer.writerow(names.split())
+    for row in rows:
+        ends = row.interval_deg or (None, None)
+        numbers = [row.mean_deg, *ends]
+        texts = [safe_cell(text) for text in (row.hand, row.object, row.motion)]
+        ends_of_range = _exact(row.min_deg), _exact(row.max_deg)
+        writer.writerow([*texts, *map(_exact, numbers), row.interval_kind, *ends_of_range, row.n_valid, row.n_trials])
+    return buffer.getvalue()
+
+
+def summary_markdown(rows: Sequence[PooledFigure]) -> str:
+    """Write the summary as a Markdown table."""
+    lines = ["| " + " | ".join(COLUMNS) + " |", "|---|---|---|---:|---:|---:|---:|"]
+    for row in rows:
+        cells = [_escaped(cell, "\\`*_{}[]<>#|", "\\") for cell in (row.hand, row.object, row.motion)]
+        lines.append("| " + " | ".join([*cells, *figure_cells(row)]) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def summary_latex(rows: Sequence[PooledFigure]) -> str:
+    """Write the summary as a LaTeX table (booktabs)."""
+    lines = [
+        "% needs \\usepackage{booktabs}; names in other than Latin letters need XeLaTeX or LuaLaTeX",
+        "\\begin{tabular}{lllrrrr}",
+        "\\toprule",
+        "Hand & Object & Motion & $\\bar{\\theta}$ ($^\\circ$) & 95\\,\\% interval ($^\\circ$) & Range ($^\\circ$) & "
+        "Trials \\\\",
+        "\\midrule",
+    ]
+    for row in rows:
+        cells = [_latex(cell) for cell in (row.hand, row.object, row.motion)]
+        figures = [figure.replace("…", "--").replace("—", "---") for figure in figure_cells(row)]
+        lines.append(" & ".join([*cells, *figures]) + " \\\\")
+    return "\n".join([*lines, "\\bottomrule", "\\end{tabular}"]) + "\n"
+
+
+def figure_cells(row: PooledFigure) -> tuple[str, str, str, str]:
+    """Write mean, interval, range and number of trials of a row; an em dash where there is none."""
+    mean = "—" if row.mean_deg is None else f"{row.mean_deg:.3f}"
+    ends = "—" if row.interval_deg is None else f"{row.interval_deg[0]:.3f} … {row.interval_deg[1]:.3f}"
+    spread = "—" if row.min_deg is None or row.n_valid < 2 else f"{row.min_deg:.3f} … {row.max_deg:.3f}"
+    count = str(row.n_trials) if row.n_valid == row.n_trials else f"{row.n_valid} of {row.n_trials} valid"
+    return mean, ends, spread, count
+
+
+def _exact(value: float | None) -> str:
+    return "" if value is None else repr(value)
+
+
+def _escaped(text: str, characters: str, mark: str) -> str:
+    return "".join(mark + c if c in characters else c for c in text).replace("\n", " ")
+
+
+_LATEX = {
+    "\\": "\\textbackslash{}",
+    "~": "\\textasciitilde{}",
+    "^": "\\textasciicircum{}",
+    "×": "$\\times$",
+    "⌀": "$\\oslash$",
+    "<": "\\textless{}",
+    ">": "\\textgreater{}",
+    "|": "\\textbar{}",
+    '"': "''",
+    "…": "\\ldots{}",
+    "·": "$\\cdot$",
+    "±": "$\\pm$",
+    "−": "$-$",
+    "µ": "$\\mu$",
+    "\ufffd": "?",
+    "θ": "$\\theta$",
+    "°": "$^\\circ$",
+    "`": "\\textasciigrave{}",
+    "'": "{'}",
+    "[": "{[}",  # at the start of a line it would be an argument of the line break before, as the star
+    "*": "{*}",
+    **{character: "\\" + character for character in "&%$#_{}"},
+}
+
+
+def _latex(text: str) -> str:
+    """Write a text so that LaTeX sets it as it is."""
+    written = "".join(_LATEX.get(character, character) for character in text).replace("\n", " ")
+    return re.sub("-(?=-)", "-{}", written)  # two hyphens would become a dash

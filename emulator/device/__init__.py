@@ -1,0 +1,1 @@
+"""The virtual object itself: sensor, clock, firmware and transmit queue."""

@@ -1,0 +1,1 @@
+"""CAN links of the virtual object: real peers for python-can."""

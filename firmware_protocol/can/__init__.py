@@ -1,0 +1,1 @@
+"""The protocol on a CAN bus: classic and FD frames."""

@@ -1,0 +1,117 @@
+"""Packets longer than one CAN frame: ISO-TP (ISO 15765-2) through can-isotp, as a thing without I/O.
+
+Frames in, whole packets and frames to be sent out; no thread and no bus. Time-outs (250 ms for flow control, 1 s for
+the next frame) run on the machine's clock inside the library and only matter where frames are lost.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from typing import TYPE_CHECKING
+
+from firmware_protocol.can.frames import CanFrame, FrameFlag
+from firmware_protocol.can.mapping import CanFunction, arbitration_id
+
+if TYPE_CHECKING:
+    import isotp
+
+MAX_PACKET_BYTES = 4095
+"""Longer ones are refused: no packet of any version comes near."""
+FLOW_CONTROL_MS = 250
+"""How long the sender waits for flow control: with nobody there, the next packet waits no longer than that."""
+MAX_WAITING = 8
+"""Packets that may wait to be sent; more are dropped, as nobody answers."""
+
+
+class LongPacketChannel:
+    """One end of the ISO-TP channel of one object.
+
+    Parameters
+    ----------
+    node : int
+        Node id of the object, 1-31.
+    is_object : bool
+        Which end: the object's or the host's.
+    fd : bool
+        Whether it sends CAN FD frames of up to 64 bytes; both kinds are received on their own ids.
+    listens_only : bool
+        Take packets in without ever sending flow control: replays, listen-only adapters.
+    """
+
+    def __init__(self, node: int, is_object: bool, fd: bool = False, listens_only: bool = False) -> None:
+        # The library imports python-can, which takes 0.1 s: only where a long packet is met.
+        import isotp
+
+        to_object = arbitration_id(CanFunction.LONG_TO_OBJECT, node, fd)
+        from_object = arbitration_id(CanFunction.LONG_FROM_OBJECT, node, fd)
+        rxid, txid = (to_object, from_object) if is_object else (from_object, to_object)
+        self._frame_class = isotp.CanMessage
+        self._rxid = rxid
+        self._incoming: deque[isotp.CanMessage] = deque()
+        self._outgoing: list[CanFrame] = []
+        self._fd = fd
+        self._listens_only = listens_only
+        self._waiting = 0
+        self.errors = 0
+        """Receptions and transmissions that failed: a frame missing, no flow control, an impossible length."""
+        # The library's own logger would write its warnings to the terminal.
+        logger = logging.getLogger("rotdrift.isotp")
+        logger.propagate = False
+        if not logger.handlers:
+            logger.addHandler(logging.NullHandler())
+        params = {
+            "stmin": 0,
+            "rx_flowcontrol_timeout": FLOW_CONTROL_MS,
+            "blocksize": 0,
+            "max_frame_size": MAX_PACKET_BYTES,
+            "can_fd": fd,
+            "bitrate_switch": fd,
+            "tx_data_length": 64 if fd else 8,
+            "tx_padding": 0xCC,  # ISO 15765-2: every frame of the channel has its full length
+            "listen_mode": listens_only,
+            "logger_name": logger.name,
+        }
+        self._layer = isotp.TransportLayerLogic(
+            rxfn=lambda _timeout: self._incoming.popleft() if self._incoming else None,
+            txfn=self._send,
+            address=isotp.Address(isotp.AddressingMode.Normal_11bits, rxid=rxid, txid=txid),
+            error_handler=self._count_error,
+            params=params,
+        )
+
+    def send(self, packet: bytes) -> bool:
+        """Begin to send a packet; False where too many wait already."""
+        if self._listens_only or self._layer.tx_queue.qsize() >= MAX_WAITING:
+            return False
+        self._layer.send(packet)
+        self._layer.process()
+        return True
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take the data of one frame of the channel's receiving id; return the packets it completes."""
+        self._incoming.append(
+            self._frame_class(self._rxid, dlc=len(data), data=data, is_fd=self._fd, bitrate_switch=self._fd)
+        )
+        self._layer.process()
+        packets = []
+        while (packet := self._layer.recv()) is not None:
+            packets.append(bytes(packet))
+        return packets
+
+    def poll(self) -> None:
+        """Let time-outs and separation times pass; to be called now and then while something is under way."""
+        self._layer.process()
+
+    def take_outgoing(self) -> list[CanFrame]:
+        """Return the frames to be sent since the last call."""
+        outgoing = self._outgoing
+        self._outgoing = []
+        return outgoing
+
+    def _send(self, message: isotp.CanMessage) -> None:
+        flags = FrameFlag.FD | FrameFlag.BITRATE_SWITCH if self._fd else FrameFlag(0)
+        self._outgoing.append(CanFrame(message.arbitration_id, bytes(message.data), flags))
+
+    def _count_error(self, _error: Exception) -> None:
+        self.errors += 1

@@ -1,0 +1,184 @@
+"""Everything an object sends on CAN but samples: short packets, STATUS pages, readings, long packets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from firmware_protocol import codec
+from firmware_protocol.can.frames import CanFrame
+from firmware_protocol.can.iso_tp import LongPacketChannel
+from firmware_protocol.can.mapping import (
+    FD_BIT,
+    HOST_FUNCTIONS,
+    IMU_LAYOUT,
+    NODE_BITS,
+    SEQUENCE_MODULUS,
+    STATUS_PAGES,
+    CanFunction,
+    status_values,
+)
+from firmware_protocol.can.timeline import Timeline
+from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
+from firmware_protocol.items import ForeignInfo
+from firmware_protocol.packets import Orientation, Packet, PacketType
+from firmware_protocol.wire_values import FROM_WIRE
+
+_WHOLE = FD_BIT >> NODE_BITS
+
+
+class RareFrames:
+    """The rare packets of one node.
+
+    Parameters
+    ----------
+    node : int
+        Node id.
+    answers : bool
+        Whether flow control may be sent.
+    """
+
+    def __init__(self, node: int, answers: bool) -> None:
+        self._node = node
+        self._answers = answers
+        self._channels: dict[bool, LongPacketChannel] = {}
+        self._pages: list[bytes] = []
+        self._reading: tuple[int, int] | None = None
+        self._gyro: tuple[int, ...] | None = None
+        self.packets: dict[PacketType, int] = {}
+        """Packets delivered, by type."""
+        self.malformed = self.unknown_types = self.unsupported_versions = self.extended = 0
+        self.host_frames = 0
+        """Frames from a host to this object."""
+
+    @property
+    def long_packet_errors(self) -> int:
+        """ISO-TP receptions and transmissions that failed."""
+        return sum(channel.errors for channel in self._channels.values())
+
+    def restart(self) -> None:
+        """Forget packets of which a part has come."""
+        self._channels.clear()
+        self._pages = []
+        self._reading = self._gyro = None
+
+    def take_outgoing(self) -> list[CanFrame]:
+        """Return the flow control frames to be sent since the last call."""
+        return [frame for channel in self._channels.values() for frame in channel.take_outgoing()]
+
+    def feed(
+        self,
+        function: int,
+        record: Any,  # noqa: ANN401 (a numpy record)
+        reference: int | None,
+        timeline: Timeline,
+    ) -> list[Packet | ForeignInfo]:
+        """Take one frame.
+
+        Parameters
+        ----------
+        function : int
+            Bits 5-10 of the arbitration id.
+        record
+            One record of a frame array; its length is right for its function.
+        reference : int or None
+            Counter of the sample before it.
+        timeline : Timeline
+            For the device time of RAW_IMU.
+
+        Returns
+        -------
+        list
+            The packets it completes.
+        """
+        data = record["data"].tobytes()[: int(record["length"])]
+        kind = function & (_WHOLE - 1)
+        is_whole = function >= _WHOLE
+        if kind in HOST_FUNCTIONS:
+            self.host_frames += 1
+            return []
+        if kind == CanFunction.LONG_FROM_OBJECT:
+            packets = self._channel(is_whole).feed(data)
+            return [item for packet in packets if (item := self._decode(packet)) is not None]
+        item = self._decode(data[1 : 1 + data[0]]) if is_whole else self._classic(kind, data, reference, timeline)
+        return [] if item is None else [item]
+
+    def _channel(self, fd: bool) -> LongPacketChannel:
+        if fd not in self._channels:
+            self._channels[fd] = LongPacketChannel(self._node, is_object=False, fd=fd, listens_only=not self._answers)
+        return self._channels[fd]
+
+    def _classic(
+        self, kind: int, data: bytes, reference: int | None, timeline: Timeline
+    ) -> Packet | ForeignInfo | None:
+        if kind == CanFunction.STATUS:
+            return self._status_page(data)
+        if kind == CanFunction.TIME_REPLY_RECEIVE:
+            self._reading = data[0], int.from_bytes(data[1:], "little")
+            return None
+        if kind == CanFunction.TIME_REPLY_TRANSMIT:
+            reading, self._reading = self._reading, None
+            if reading is None or reading[0] != data[0]:
+                self.malformed += 1
+                return None
+            return self._known(PacketType.TIME_REPLY, (*reading, int.from_bytes(data[1:], "little")))
+        if kind == CanFunction.RAW_GYRO:
+            self._gyro = IMU_LAYOUT.unpack(data)
+            return None
+        if kind == CanFunction.RAW_ACCELERATION:
+            return self._raw_imu(IMU_LAYOUT.unpack(data), reference, timeline)
+        return self._decode(data)
+
+    def _status_page(self, data: bytes) -> Packet | None:
+        page = data[0]
+        if page != len(self._pages):
+            # A listener that comes in the middle is no fault; a page missing after others is.
+            self.malformed += bool(self._pages)
+            self._pages = [] if page else [data]
+            return None
+        self._pages.append(data)
+        if len(self._pages) < STATUS_PAGES:
+            return None
+        pages, self._pages = tuple(self._pages), []
+        return self._known(PacketType.STATUS, status_values(pages))
+
+    def _raw_imu(self, acceleration: tuple[int, ...], reference: int | None, timeline: Timeline) -> Packet | None:
+        gyro, self._gyro = self._gyro, None
+        if gyro is None or gyro[0] != acceleration[0]:
+            self.malformed += 1
+            return None
+        if reference is None or not timeline.is_known:
+            return None
+        half = SEQUENCE_MODULUS // 2
+        counter = reference + (gyro[0] - reference + half) % SEQUENCE_MODULUS - half
+        time_us = int(timeline.device_times_us(np.array([counter]))[0])
+        return self._known(PacketType.RAW_IMU, (counter & 0xFFFF, time_us, *gyro[1:], *acceleration[1:]))
+
+    def _known(self, packet_type: PacketType, values: tuple[int, ...]) -> Packet | None:
+        try:
+            packet = FROM_WIRE[packet_type](values)
+        except MalformedPacketError:
+            self.malformed += 1
+            return None
+        self.packets[packet_type] = self.packets.get(packet_type, 0) + 1
+        return packet
+
+    def _decode(self, data: bytes) -> Packet | ForeignInfo | None:
+        try:
+            packet = codec.decode_packet(data)
+        except MalformedPacketError:
+            self.malformed += 1
+            return None
+        except UnknownPacketTypeError:
+            self.unknown_types += 1
+            return None
+        except UnsupportedVersionError as error:
+            self.unsupported_versions += 1
+            return ForeignInfo(error.protocol_major, error.protocol_minor)
+        if isinstance(packet, Orientation):  # has frames of its own
+            self.malformed += 1
+            return None
+        self.packets[packet.packet_type] = self.packets.get(packet.packet_type, 0) + 1
+        self.extended += codec.is_extended(data)
+        return packet

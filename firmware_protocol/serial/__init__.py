@@ -1,0 +1,1 @@
+"""The protocol on byte links: COBS frames in a stream."""

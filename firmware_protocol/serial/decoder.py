@@ -1,0 +1,323 @@
+"""Bytes of a serial link in, packets out: the way every host reads.
+
+``StreamDecoder`` joins framing, packet codec and sequence numbers. Every frame counts once::
+
+    frames = sum of packets + malformed + unknown_types + unsupported_versions
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from math import sqrt
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from firmware_protocol import codec
+from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
+from firmware_protocol.items import ForeignInfo, StreamCounters, StreamItem
+from firmware_protocol.packets import Command, Info, Orientation, OrientationBatch, Packet, PacketType
+from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
+from firmware_protocol.sequence import SequenceTracker
+from firmware_protocol.serial.batch import (
+    ORIENTATION_BYTES,
+    SHORTEST_PIECE,
+    SampleArrays,
+    block_end,
+    decode_block,
+    new_batch,
+)
+from firmware_protocol.serial.framing import LONE_FRAME_OVERHEAD, MAX_PIECE_BYTES, FrameDecoder, encode_frame
+
+BATCH_BYTES = 2730
+"""A feed that completes at least so many bytes of pieces decodes them together, else one by one.
+
+Measured: at 130 ORIENTATION frames both take as long.
+"""
+
+
+# Bound once: the live path handles a few frames per read, and looking names up is a good part of its cost.
+_ORIENTATION = int(PacketType.ORIENTATION)
+_SAMPLE_FIELDS = struct.Struct("<HI4hB").unpack_from
+_UINT8, _UINT16, _UINT32 = np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.uint32)
+_LONE_BYTES = ORIENTATION_BYTES + LONE_FRAME_OVERHEAD
+# One allocation for the four arrays of a sample that comes alone; laid out without padding, widest first.
+_LONE_LAYOUT = struct.Struct("<4dIHB").pack
+_LONE_DTYPE = np.dtype(
+    {"names": ["q", "time", "sequence", "flags"], "formats": [("<f8", (4,)), "<u4", "<u2", "u1"], "itemsize": 39}
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocatedPackets:
+    """The packets of many reads put end to end, and where in them the delimiter behind each stands."""
+
+    samples: OrientationBatch
+    """All n samples, in wire order."""
+    ends: npt.NDArray[np.int64] | None
+    """(n,) place of each sample's delimiter; None where nobody asked."""
+    others: Sequence[tuple[int, Packet | ForeignInfo, int]]
+    """Every other packet, in wire order: before which of the samples it came, the packet, its delimiter."""
+
+    def items(self) -> list[StreamItem]:
+        """Give all packets in wire order; samples with nothing else between them come as one batch."""
+        items: list[StreamItem] = []
+        delivered, n = 0, len(self.samples)
+        for position, packet, _ in self.others:
+            if position > delivered:
+                items.append(self.samples.part(slice(delivered, position)))
+                delivered = position
+            items.append(packet)
+        if n > delivered:
+            items.append(self.samples.part(slice(delivered, n)) if delivered else self.samples)
+        return items
+
+
+def encode_command(command: Command) -> bytes:
+    """Return the frame of a command.
+
+    Raises
+    ------
+    PacketValueError
+        A value does not fit its field.
+    """
+    return encode_frame(codec.encode_packet(command))
+
+
+class StreamDecoder:
+    """Turn the bytes of one link into packets, in wire order, however they are cut into chunks.
+
+    ``feed`` never blocks and never raises on bytes from the wire. The packets and counters after n bytes depend on
+    these bytes alone; only where one :class:`OrientationBatch` ends and the next begins depends on the chunks.
+    Duplicates and late samples are delivered as they came: the counters tell how many there are.
+    """
+
+    def __init__(self) -> None:
+        self._frames = FrameDecoder()
+        self._sequence = SequenceTracker()
+        self._boot_id: int | None = None
+        self._damage: list[int] = []
+        self._samples = 0  # ORIENTATION packets
+        self._others = [0] * 256  # other packets, by type byte
+        self._malformed = 0
+        self._unknown_types = 0
+        self._unsupported_versions = 0
+        self._extended = 0
+
+    @property
+    def counters(self) -> StreamCounters:
+        """Snapshot of the counters."""
+        n_of_type = dict(enumerate(self._others)) | {_ORIENTATION: self._samples}
+        return StreamCounters(
+            **asdict(self._frames.counters),
+            **asdict(self._sequence.counters),
+            packets=MappingProxyType({PacketType(code): n for code, n in n_of_type.items() if n}),
+            malformed=self._malformed,
+            unknown_types=self._unknown_types,
+            unsupported_versions=self._unsupported_versions,
+            extended=self._extended,
+        )
+
+    def restart(self) -> None:
+        """Begin anew after the link was cut: bytes pending are skipped, the next sequence number is not compared.
+
+        The counters go on.
+        """
+        self._frames.restart()
+        self._sequence.restart()
+
+    def take_damage(self) -> list[int]:
+        """Tell where damaged frames came since the last call: how many samples were delivered before each, ascending.
+
+        Counted from the decoder's first sample. Malformed packets are among them; oversize pieces and partial starts
+        are not, because no frame is like that. A piece as long as several samples is told as often.
+        """
+        damage, self._damage = self._damage, []
+        return damage
+
+    def flush(self) -> list[StreamItem]:
+        """Give away what is still held: nothing, for a packet is delivered as soon as its frame is whole."""
+        return []
+
+    def feed(self, data: bytes) -> list[StreamItem]:
+        """Take what one read returned; return what it completed, in wire order.
+
+        ORIENTATION packets with nothing else between them come as one :class:`OrientationBatch`.
+        """
+        pieces = self._frames.complete(data)
+        if not pieces:
+            return []
+        if _LONE_BYTES - 1 <= len(pieces) <= _LONE_BYTES + 1:  # one or two delimiters before it or behind
+            packet = self._frames.open_lone(pieces)
+            if packet is not None:
+                return self._feed_lone(packet)
+        if len(pieces) < BATCH_BYTES:
+            return self._feed_few(self._frames.unframe(pieces))
+        return self._feed_many(pieces).items()
+
+    def feed_located(self, data: bytes) -> LocatedPackets:
+        """Take many reads put end to end; return what they completed, and where each packet of it ends.
+
+        Packets and counters are those of :meth:`feed`. Where a packet's delimiter stands in ``data`` says which of the
+        reads completed it.
+
+        Parameters
+        ----------
+        data : bytes
+            Of any length; below some thousand bytes :meth:`feed` is faster.
+        """
+        offset = self._frames.offset_of_next(data)
+        return self._feed_many(self._frames.complete(data), offset, located=True)
+
+    def _feed_lone(self, packet: bytes) -> list[StreamItem]:
+        """Decode a packet that came alone, mostly ORIENTATION: what a live read brings."""
+        if len(packet) == ORIENTATION_BYTES and packet[0] == _ORIENTATION:
+            sequence, device_time_us, w, x, y, z, flag = _SAMPLE_FIELDS(packet, 1)
+            square = w * w + x * x + y * y + z * z
+            if Q15_MIN_SQUARE <= square <= Q15_MAX_SQUARE:
+                self._sequence.feed((sequence,))
+                self._samples += 1
+                scale = 1.0 / sqrt(square)
+                values = _LONE_LAYOUT(w * scale, x * scale, y * scale, z * scale, device_time_us, sequence, flag)
+                sample = np.ndarray(1, _LONE_DTYPE, bytearray(values))
+                return [new_batch(sample["sequence"], sample["time"], sample["q"], sample["flags"])]
+        return self._feed_few([packet])
+
+    def _feed_few(self, packets: Sequence[bytes | int]) -> list[StreamItem]:
+        items: list[StreamItem] = []
+        sequences: list[int] = []
+        times_us: list[int] = []
+        components: list[float] = []
+        flags: list[int] = []
+        for data in packets:
+            if isinstance(data, int):
+                self._note_damaged(self._samples + len(sequences), data)
+                continue
+            if len(data) >= ORIENTATION_BYTES and data[0] == _ORIENTATION:
+                sequence, device_time_us, w, x, y, z, flag = _SAMPLE_FIELDS(data, 1)
+                square = w * w + x * x + y * y + z * z
+                if Q15_MIN_SQUARE <= square <= Q15_MAX_SQUARE:
+                    scale = 1.0 / sqrt(square)
+                    sequences.append(sequence)
+                    times_us.append(device_time_us)
+                    components += (w * scale, x * scale, y * scale, z * scale)
+                    flags.append(flag)
+                    if len(data) > ORIENTATION_BYTES:
+                        self._extended += 1
+                else:
+                    self._malformed += 1
+                    self._damage.append(self._samples + len(sequences))
+                continue
+            item = self._decode(data, self._samples + len(sequences))
+            if item is not None:
+                if sequences:
+                    items.append(self._batch(sequences, times_us, components, flags))
+                    sequences, times_us, components, flags = [], [], [], []
+                if isinstance(item, Info):
+                    self._meet(item)
+                items.append(item)
+        if sequences:
+            items.append(self._batch(sequences, times_us, components, flags))
+        return items
+
+    def _batch(
+        self, sequences: list[int], times_us: list[int], components: list[float], flags: list[int]
+    ) -> OrientationBatch:
+        self._sequence.feed(sequences)
+        self._samples += len(sequences)
+        return new_batch(
+            np.array(sequences, _UINT16),
+            np.array(times_us, _UINT32),
+            np.array(components).reshape(-1, 4),
+            np.array(flags, _UINT8),
+        )
+
+    def _feed_many(self, pieces: bytes, offset: int = 0, *, located: bool = False) -> LocatedPackets:
+        """Decode pieces, which begin at ``offset`` of what the places of their packets are counted from."""
+        samples = SampleArrays(len(pieces), located=located)
+        placed: list[tuple[int, Packet | ForeignInfo, int]] = []
+        start = 0
+        if self._frames.at_start and pieces:
+            start = pieces.index(b"\0") + 1
+            packets = [(0, packet, offset + start - 1) for packet in self._frames.unframe(pieces[:start])]
+            self._place(samples, placed, packets)
+        view = memoryview(pieces)
+        while start < len(pieces):
+            end = block_end(pieces, start)
+            report = decode_block(view[start:end], samples, offset + start)
+            start = end
+            self._frames.count(report.pieces)
+            self._extended += report.extended
+            others = []
+            for position, piece, at in report.others:
+                packet = self._frames.open_piece(piece)
+                if packet is not None or len(piece) <= MAX_PIECE_BYTES:
+                    others.append((position, len(piece) if packet is None else packet, at))
+            self._place(samples, placed, others)
+        self._samples += samples.n
+        followed = 0
+        for position, item, _ in placed:
+            if isinstance(item, Info):
+                self._sequence.feed_array(samples.sequence[followed:position])
+                followed = position
+                self._meet(item)
+        self._sequence.feed_array(samples.sequence[followed : samples.n])
+        ends = None if samples.ends is None else samples.ends[: samples.n]
+        return LocatedPackets(samples.batch(), ends, placed)
+
+    def _place(
+        self,
+        samples: SampleArrays,
+        placed: list[tuple[int, Packet | ForeignInfo, int]],
+        packets: Iterable[tuple[int, bytes | int, int]],
+    ) -> None:
+        """Decode packets that stand among the samples: samples go in between, the others to ``placed``."""
+        positions: list[int] = []
+        late: list[Orientation] = []
+        ends: list[int] = []
+        for position, data, at in packets:
+            before = self._samples + position + len(late)
+            if isinstance(data, int):
+                self._note_damaged(before, data)
+                continue
+            item = self._decode(data, before)
+            if isinstance(item, Orientation):
+                positions.append(position)
+                late.append(item)
+                ends.append(at)
+            elif item is not None:
+                placed.append((position + len(late), item, at))
+        if late:
+            samples.insert(positions, late, ends)
+
+    def _note_damaged(self, n_before: int, size: int) -> None:
+        """Note a damaged piece: where delimiters are hit, it may be several samples."""
+        self._damage += [n_before] * max(1, size // SHORTEST_PIECE)
+
+    def _decode(self, data: bytes, n_before: int) -> Packet | ForeignInfo | None:
+        """Decode and count one packet, with ``n_before`` samples before it; ORIENTATION is counted elsewhere."""
+        try:
+            packet = codec.decode_packet(data)
+        except MalformedPacketError:
+            self._malformed += 1
+            self._damage.append(n_before)
+            return None
+        except UnknownPacketTypeError:
+            self._unknown_types += 1
+            return None
+        except UnsupportedVersionError as error:
+            self._unsupported_versions += 1
+            return ForeignInfo(error.protocol_major, error.protocol_minor)
+        if codec.is_extended(data):
+            self._extended += 1
+        if not isinstance(packet, Orientation):
+            self._others[data[0]] += 1
+        return packet
+
+    def _meet(self, info: Info) -> None:
+        if self._boot_id is not None and info.boot_id != self._boot_id:
+            self._sequence.restart()  # the object was reset: its numbers begin anew, and nothing is lost
+        self._boot_id = info.boot_id

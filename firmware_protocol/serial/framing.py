@@ -1,0 +1,202 @@
+"""Packets in and out of a byte stream: COBS, CRC-16/CCITT-FALSE, 0x00 on both sides of every frame.
+
+    0x00 | COBS(packet, CRC low byte, CRC high byte) | 0x00
+
+The bytes between two delimiters are a *piece*. A piece with the right checksum is a frame; any other is skipped and
+counted once, by its cause. Every byte fed is accounted for::
+
+    bytes  = delimiters + frame_bytes + skipped_bytes + pending_bytes
+    pieces = frames + cobs_errors + crc_errors + oversize + partial_starts
+
+A frame whose own bytes and own two delimiters arrive whole is always received, whatever happens around it.
+"""
+# mypy: allow-untyped-calls
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+
+from cobs import cobs
+
+from firmware_protocol.errors import PacketValueError
+from firmware_protocol.items import FrameCounters, PieceCounters
+
+CRC_BYTES = 2
+CRC_INITIAL = 0xFFFF
+MAX_PACKET_BYTES = 252
+"""Largest packet. With its CRC it has 254 bytes, so that COBS always adds exactly one."""
+LONE_FRAME_OVERHEAD = CRC_BYTES + 3
+"""Bytes by which a frame with both its delimiters is longer than its packet."""
+MAX_PIECE_BYTES = MAX_PACKET_BYTES + CRC_BYTES + 1
+"""Longest run of bytes without a delimiter that can be a frame; also the most that is ever buffered."""
+
+
+def checksum(packet: bytes) -> int:
+    """Return the CRC-16/CCITT-FALSE: polynomial 0x1021, initial 0xFFFF, not reflected; 0x29B1 for ``123456789``."""
+    return crc_hqx(packet, CRC_INITIAL)
+
+
+def encode_frame(packet: bytes) -> bytes:
+    """Return the frame of a packet, with both delimiters.
+
+    Raises
+    ------
+    PacketValueError
+        The packet is empty or has more than ``MAX_PACKET_BYTES``.
+    """
+    if not 1 <= len(packet) <= MAX_PACKET_BYTES:
+        raise PacketValueError(f"a packet must have 1 to {MAX_PACKET_BYTES} bytes, not {len(packet)}")
+    encoded: bytes = cobs.encode(packet + checksum(packet).to_bytes(CRC_BYTES, "little"))
+    return b"\0" + encoded + b"\0"
+
+
+class FrameDecoder:
+    """Find the frames in a byte stream, however it is cut into chunks.
+
+    ``feed`` never blocks, never raises on bytes from the wire, and buffers at most ``MAX_PIECE_BYTES``. The packets and
+    counters after n bytes depend on these bytes alone, not on how they were chunked.
+    """
+
+    def __init__(self) -> None:
+        self._pending = b""
+        self._skipping = False  # inside a piece already counted as oversize
+        self._at_start = True  # no delimiter met yet
+        self._bytes = 0
+        self._delimiters = 0
+        self._frames = 0
+        self._frame_bytes = 0
+        self._skipped_bytes = 0
+        self._rejected = {"cobs_errors": 0, "crc_errors": 0, "oversize": 0, "partial_starts": 0}
+
+    @property
+    def at_start(self) -> bool:
+        """True until the first delimiter is met: the next piece may be the rest of a frame."""
+        return self._at_start
+
+    @property
+    def counters(self) -> FrameCounters:
+        """Snapshot of the counters."""
+        return FrameCounters(
+            bytes=self._bytes,
+            delimiters=self._delimiters,
+            frame_bytes=self._frame_bytes,
+            skipped_bytes=self._skipped_bytes,
+            pending_bytes=len(self._pending),
+            frames=self._frames,
+            **self._rejected,
+        )
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take what one read returned; return the packets of the frames that it completed."""
+        return [packet for packet in self.unframe(self.complete(data)) if isinstance(packet, bytes)]
+
+    def restart(self) -> None:
+        """Forget the piece begun: the link was cut and opened again. The counters go on."""
+        self._skipped_bytes += len(self._pending)
+        self._pending = b""
+        self._skipping = False
+        self._at_start = True
+
+    def complete(self, data: bytes) -> bytes:
+        """Take what one read returned; return all pieces now complete, each with the delimiter that ends it.
+
+        The first half of :meth:`feed`. What it returns goes to :meth:`unframe` before the next call.
+        """
+        self._bytes += len(data)
+        data = bytes(data)
+        if not self._pending and not self._skipping and data[-1:] == b"\0":
+            return data  # by far the commonest: reads end where frames do
+        if self._skipping:
+            end = data.find(b"\0")
+            if end < 0:
+                self._skipped_bytes += len(data)
+                return b""
+            self._skipped_bytes += end
+            self._skipping = False
+            data = data[end:]
+        if self._pending:
+            data = self._pending + data
+        end = data.rfind(b"\0") + 1
+        self._pending = data[end:]
+        if len(self._pending) > MAX_PIECE_BYTES:
+            self._reject("oversize", len(self._pending), at_start=self._at_start and end == 0)
+            self._pending = b""
+            self._skipping = True
+        return data[:end]
+
+    def offset_of_next(self, data: bytes) -> int:
+        """Return where in ``data`` what :meth:`complete` will return begins; negative if it came before."""
+        return max(data.find(b"\0"), 0) if self._skipping else -len(self._pending)
+
+    def unframe(self, pieces: bytes) -> list[bytes | int]:
+        """Return the packets in pieces that each end in a delimiter, as :meth:`complete` gave them.
+
+        A damaged piece gives its length instead. The rest of a frame begun before, and what is longer than any frame,
+        is none.
+        """
+        runs = pieces.split(b"\0")
+        self._delimiters += len(runs) - 1
+        packets: list[bytes | int] = []
+        for run in runs:
+            if run:
+                packet = self.open_piece(run)
+                if packet is not None:
+                    packets.append(packet)
+                elif not self._at_start and len(run) <= MAX_PIECE_BYTES:
+                    packets.append(len(run))
+            self._at_start = False
+        return packets
+
+    def open_piece(self, piece: bytes) -> bytes | None:
+        """Return the packet in one piece (without delimiter), or None; count it either way."""
+        size = len(piece)
+        if size > MAX_PIECE_BYTES:
+            self._reject("oversize", size, at_start=self._at_start)
+            return None
+        try:
+            data = cobs.decode(piece)
+        except cobs.DecodeError:
+            self._reject("cobs_errors", size, at_start=self._at_start)
+            return None
+        packet: bytes = data[:-CRC_BYTES]
+        if len(data) < CRC_BYTES or crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
+            self._reject("crc_errors", size, at_start=self._at_start)
+            return None
+        self._frames += 1
+        self._frame_bytes += size
+        return packet
+
+    def count(self, counters: PieceCounters) -> None:
+        """Count pieces that were decoded elsewhere, many at once."""
+        self._delimiters += counters.delimiters
+        self._frames += counters.frames
+        self._frame_bytes += counters.frame_bytes
+        self._skipped_bytes += counters.skipped_bytes
+        self._rejected["cobs_errors"] += counters.cobs_errors
+        self._rejected["crc_errors"] += counters.crc_errors
+
+    def open_lone(self, pieces: bytes) -> bytes | None:
+        """Return the packet where :meth:`complete` gave one good frame and delimiters around it, as live reads do.
+
+        None, and nothing counted, for anything else: then :meth:`unframe` takes it.
+        """
+        piece = pieces.strip(b"\0")
+        size = len(piece)
+        if not 1 + CRC_BYTES <= size <= MAX_PIECE_BYTES or b"\0" in piece:
+            return None
+        try:
+            data = cobs.decode(piece)
+        except cobs.DecodeError:
+            return None
+        packet: bytes = data[:-CRC_BYTES]
+        if crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
+            return None
+        self._delimiters += len(pieces) - size
+        self._frames += 1
+        self._frame_bytes += size
+        self._at_start = False
+        return packet
+
+    def _reject(self, cause: str, size: int, *, at_start: bool) -> None:
+        self._rejected["partial_starts" if at_start else cause] += 1
+        self._skipped_bytes += size

@@ -1,0 +1,68 @@
+"""Links as chunks: the only place of the host that meets drivers.
+
+A transport is found by the scheme of its URI and imported when it is opened, so that a missing driver of one kind never
+stands in the way of another. To add a kind of link, write a module with ``open_transport(uri: LinkUri) -> Transport``
+and name it in :data:`SCHEMES`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from functools import partial
+from typing import cast
+
+from host.errors import UsageError
+from host.links.transport import AnyChunk, Chunk, FrameChunk, LinkEnd, Transport
+from host.links.uri import EXAMPLES, LinkUri, parse_link_uri
+
+__all__ = ["SCHEMES", "AnyChunk", "Chunk", "FrameChunk", "LinkEnd", "Transport", "open_lasting", "open_transport"]
+
+SCHEMES = {
+    "serial": "host.links.serial.port",
+    "can": "host.links.can.bus",
+    "replay": "host.recording.replay_link",
+}
+"""Scheme of the link URI -> module with ``open_transport(uri)``."""
+
+
+def open_transport(uri: LinkUri | str) -> Transport:
+    """Open the link a URI names.
+
+    Raises
+    ------
+    UsageError
+        There is no such kind of link.
+    LinkError, FileError
+        It cannot be opened; says why and what to do.
+    """
+    if isinstance(uri, str):
+        uri = parse_link_uri(uri)
+    module_name = SCHEMES.get(uri.scheme)
+    if module_name is None or importlib.util.find_spec(module_name) is None:
+        raise UsageError(f"there is no kind of link called {uri.scheme!r}", f"write it like one of {EXAMPLES}")
+    return cast(Transport, importlib.import_module(module_name).open_transport(uri))
+
+
+def open_lasting(uri: LinkUri | str, give_up_s: float) -> Transport:
+    """Open the link a URI names; a live one is opened again when it is lost.
+
+    Parameters
+    ----------
+    uri : LinkUri or str
+        The link.
+    give_up_s : float
+        How long a lost link may take to come back, s; 0 does not wait.
+
+    Raises
+    ------
+    UsageError, LinkError, FileError
+        As :func:`open_transport`.
+    """
+    from host.links.reconnecting import ReconnectingTransport
+
+    if isinstance(uri, str):
+        uri = parse_link_uri(uri)
+    if uri.scheme == "replay":
+        return open_transport(uri)
+    return ReconnectingTransport(partial(open_transport, uri), give_up_s)

@@ -1,0 +1,1 @@
+"""CAN links through python-can, and logs of other CAN tools."""

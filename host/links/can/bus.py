@@ -1,0 +1,319 @@
+"""CAN links through python-can: any interface it supports, read by the reader's own thread.
+
+What python-can really does, and what follows from it:
+
+- ``Notifier`` ends its thread when a listener raises, so it is not used. ``recv`` is called here, one frame a call.
+- Its SLCAN parser keeps a byte that is no ASCII in its buffer and fails on it for ever: our own reading of lines passes
+  over it, and where that cannot be used (Windows) the buffer is flushed. Its socketcand parser keeps a frame it cannot
+  read and fails for ever; and a server that is gone makes ``recv`` return at once, for ever: the bus is opened anew.
+  All of it is counted.
+- ``slcan`` opens where nobody answers; the adapter must say something first.
+- An interface that goes down (``ip link set can0 down``) fails one ``recv`` or one ``send``, whichever comes first, and
+  works again once it is up. One that was pulled does the same and never works again, not even when it is back: that is
+  told by its number.
+
+Flow control for long packets is sent from here, within the reading thread; decoders only listen.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections import deque
+from typing import Any
+
+import can
+
+from firmware_protocol.can.encoder import command_frame
+from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
+from firmware_protocol.can.iso_tp import LongPacketChannel
+from firmware_protocol.can.mapping import ALL_NODES, HOST_FUNCTIONS, NODE_MASK, CanFunction, split_id
+from firmware_protocol.codec import encode_packet
+from firmware_protocol.errors import ProtocolError
+from firmware_protocol.packets import Command
+from host.errors import LinkError, LinkLostError, UsageError
+from host.links.can.drivers import CanSettings, can_settings, open_bus
+from host.links.can.health import BusHealth
+from host.links.can.socketcan import dropped_frames, interface_index
+from host.links.serial.port import existing_ports
+from host.links.transport import ClosingTransport, FrameChunk
+from host.links.uri import LinkUri
+from host.text import plain
+
+MAX_FRAMES = 1024
+"""No read returns more."""
+SEND_TIMEOUT_S = 1.0
+DRIVER_NS = 250_000_000
+"""Between two questions to kernel and driver: what was dropped, the bus state, whether it is still the same adapter."""
+ECHOING = frozenset({"udp_multicast"})
+"""Interfaces that hand us what we sent ourselves, unasked."""
+SETTLING_S = 3.0
+"""Without a node id in the link, a second object heard within this time is a question to the user."""
+
+IO_ERRORS: tuple[type[Exception], ...] = (can.CanError, OSError, ValueError, TypeError, IndexError, AttributeError)
+
+
+def open_transport(uri: LinkUri) -> CanTransport:
+    """Open a ``can:INTERFACE:CHANNEL?bitrate=…&node=…`` link.
+
+    Raises
+    ------
+    UsageError
+        No such interface, impossible option.
+    LinkError
+        It does not open, or the adapter says nothing.
+    """
+    settings = can_settings(uri)
+    return CanTransport(settings, str(uri), open_bus(settings, str(uri), existing_ports()))
+
+
+class CanTransport(ClosingTransport):
+    """An open bus, and the one object on it that is talked to.
+
+    Parameters
+    ----------
+    settings : CanSettings
+        The link.
+    name : str
+        Its URI.
+    bus : can.BusABC
+        Open.
+    """
+
+    is_live = True
+
+    def __init__(self, settings: CanSettings, name: str, bus: can.BusABC) -> None:
+        self.name = name
+        said = plain(str(bus.channel_info), 120)
+        self.interface_name = f"{settings.interface} {settings.channel}" if said in ("", "unknown") else said
+        """What the interface calls itself."""
+        self.health = BusHealth()
+        """What was noticed on the bus."""
+        self._settings = settings
+        self._bus: Any = bus
+        self._node = settings.node
+        self._node_since = time.monotonic()
+        self._channels: dict[bool, LongPacketChannel] = {}
+        self._lock = threading.Lock()
+        self._echoes: deque[tuple[int, bytes]] | None = deque(maxlen=64) if settings.interface in ECHOING else None
+        self._driver_asked_ns = 0
+        self._index = interface_index(settings.channel) if settings.interface == "socketcan" else 0
+        self._closed = False
+
+    @property
+    def node(self) -> int | None:
+        """Node id of the object; None while none is known."""
+        return self._node
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What a person should know about the bus, a sentence each."""
+        return self.health.problems(self.name)
+
+    @staticmethod
+    def encode_command(command: Command) -> bytes:
+        """Return what :meth:`write` takes: the encoded packet, without framing."""
+        return encode_packet(command)
+
+    def read(self, timeout_s: float) -> FrameChunk | None:
+        """Wait for the next frame, at most ``timeout_s``, and take what else is there."""
+        if self._closed:
+            raise LinkLostError(f"{self.name} is closed")
+        self._ask_driver()
+        frames: list[CanFrame] = []
+        message = self._receive(timeout_s)
+        while message is not None:
+            frame = received_frame(message, time.monotonic_ns())
+            if self._is_wanted(frame):
+                frames.append(frame)
+            message = self._receive(0.0) if len(frames) < MAX_FRAMES else None
+        if not frames:
+            return None
+        self._attend(frames)
+        return FrameChunk(pack_frames(frames), frames[-1].host_time_ns)
+
+    def write(self, data: bytes) -> None:
+        """Send an encoded command packet to the object; to all objects while none is known.
+
+        Raises
+        ------
+        LinkLostError
+            The bus takes no frames: nobody acknowledges them, or the interface is gone.
+        """
+        if self._settings.listen_only:
+            return
+        try:
+            frame = command_frame(data, self._node or ALL_NODES, self._settings.fd)
+        except ProtocolError as error:
+            raise UsageError(str(error)) from error
+        self._send(frame)
+
+    def close(self) -> None:
+        """Leave the bus; never raises."""
+        self._closed = True
+        with self._lock, contextlib.suppress(*IO_ERRORS):
+            self._bus.shutdown()
+
+    def _ask_driver(self) -> None:
+        now_ns = time.monotonic_ns()
+        if now_ns - self._driver_asked_ns < DRIVER_NS:
+            return
+        self._driver_asked_ns = now_ns
+        self.health.dropped_frames = dropped_frames(self._bus)
+        with contextlib.suppress(*IO_ERRORS):
+            if self._bus.state is can.BusState.ERROR:  # of some drivers; most say "active" whatever happens
+                self.health.bus_off()
+        if self._index and interface_index(self._settings.channel) != self._index:
+            raise self._gone("it was pulled")
+
+    def _gone(self, reason: str) -> LinkLostError:
+        return LinkLostError(f"{self.name} is gone ({reason})", "plug the adapter in again")
+
+    def _is_wanted(self, frame: CanFrame) -> bool:
+        """Filter what interfaces without filters of their own let through."""
+        node = self._settings.node
+        if frame.flags & FrameFlag.ERROR:
+            return True
+        if self._echoes and (frame.arbitration_id, frame.data) in self._echoes:
+            self._echoes.remove((frame.arbitration_id, frame.data))
+            return False
+        if not frame.flags & FrameFlag.EXTENDED and (node is None or frame.arbitration_id & NODE_MASK == node):
+            return True
+        self.health.filtered_frames += 1
+        return False
+
+    def _receive(self, timeout_s: float) -> can.Message | None:
+        try:
+            message: can.Message | None = self._bus.recv(timeout_s)
+        except IO_ERRORS as error:
+            self._recover(error)
+            return None
+        return message
+
+    def _recover(self, error: Exception) -> None:
+        """Mend what a failed read left behind, or say that the link is lost."""
+        interface = self._settings.interface
+        no_text = isinstance(error, UnicodeDecodeError) or isinstance(error.__cause__, UnicodeDecodeError)
+        if interface == "slcan" and (no_text or isinstance(error, ValueError | IndexError)):
+            self.health.parser_errors += 1
+            # Bytes that are no ASCII stay in the library's own buffer; of other lines nothing is left.
+            if no_text:
+                with contextlib.suppress(*IO_ERRORS):
+                    self.health.flushes += self._bus.pass_over_unreadable()
+            return
+        if interface == "socketcand":
+            self.health.parser_errors += 1
+            self._reopen(error)
+            return
+        if _is_down(error):
+            self.health.went_down = True
+            return
+        raise self._gone(plain(str(error), 120) or type(error).__name__) from error
+
+    def _reopen(self, error: Exception) -> None:
+        with self._lock:
+            with contextlib.suppress(*IO_ERRORS):
+                self._bus.shutdown()
+            try:
+                self._bus = open_bus(self._settings, self.name, [])
+            except (LinkError, UsageError) as failure:
+                reason = plain(str(error).partition("Traceback")[0].strip(), 80)
+                raise LinkLostError(
+                    f"{self.name} is gone ({reason}) and does not open again", "start its server again"
+                ) from failure
+        self.health.reopens += 1
+
+    def _send(self, frame: CanFrame) -> None:
+        message = can.Message(
+            arbitration_id=frame.arbitration_id,
+            is_extended_id=False,
+            is_fd=frame.is_fd,
+            bitrate_switch=bool(frame.flags & FrameFlag.BITRATE_SWITCH),
+            data=frame.data,
+        )
+        if self._echoes is not None:
+            self._echoes.append((frame.arbitration_id, frame.data))
+        try:
+            with self._lock:
+                self._bus.send(message, timeout=SEND_TIMEOUT_S)
+        except IO_ERRORS as error:
+            if _is_down(error):
+                self.health.went_down = True
+                return  # commands are repeated
+            if self._settings.interface == "socketcand":
+                return  # the reading side notices, and opens anew
+            raise LinkLostError(
+                f"{self.name} takes no frames ({plain(str(error), 100)})",
+                "check that the object is on the bus, the bit rate, and that both ends are terminated",
+            ) from error
+
+    def _attend(self, frames: list[CanFrame]) -> None:
+        """Do what frames ask for at once: find the object, answer long packets, notice trouble."""
+        for frame in frames:
+            if frame.flags & FrameFlag.ERROR:
+                self.health.error_frame(frame, self._settings.interface)
+                continue
+            identity = split_id(frame.arbitration_id)
+            strange = frame.flags & (FrameFlag.EXTENDED | FrameFlag.REMOTE)
+            if identity is None or strange or identity.node == ALL_NODES or identity.function in HOST_FUNCTIONS:
+                continue
+            if self._node is None:
+                self._node, self._node_since = identity.node, time.monotonic()
+            elif identity.node != self._node:
+                self._meet_other(identity.node)
+                continue
+            if identity.function is CanFunction.LONG_FROM_OBJECT and not self._settings.listen_only:
+                self._answer(frame, identity.whole_packet)
+
+    def _meet_other(self, node: int) -> None:
+        if node in self.health.other_nodes:
+            return
+        self.health.other_nodes.add(node)
+        may_ask = self._settings.node is None and not self._settings.listen_only
+        if may_ask and time.monotonic() - self._node_since < SETTLING_S:
+            found = ", ".join(str(each) for each in sorted({self._node or 0, *self.health.other_nodes}))
+            joint = "&" if "?" in self.name else "?"
+            raise UsageError(
+                f"several objects are on the bus (node ids {found})", f"say which: {self.name}{joint}node={self._node}"
+            )
+
+    def _answer(self, frame: CanFrame, whole: bool) -> None:
+        assert self._node is not None
+        if whole not in self._channels:
+            self._channels[whole] = LongPacketChannel(self._node, is_object=False, fd=whole)
+        channel = self._channels[whole]
+        channel.feed(frame.data)
+        for answer in channel.take_outgoing():
+            self._send(answer)
+
+
+def received_frame(message: can.Message, host_time_ns: int) -> CanFrame:
+    """Return a message of python-can as a frame received at a time."""
+    flags = 0
+    if message.is_extended_id:
+        flags |= FrameFlag.EXTENDED
+    if message.is_fd:
+        flags |= FrameFlag.FD
+    if message.bitrate_switch:
+        flags |= FrameFlag.BITRATE_SWITCH
+    if message.is_remote_frame:
+        flags |= FrameFlag.REMOTE
+    if message.is_error_frame:
+        flags |= FrameFlag.ERROR
+    data = b"" if message.is_remote_frame else bytes(message.data)
+    if not message.is_fd:
+        data = data[:8]
+    return CanFrame(
+        message.arbitration_id,
+        data,
+        FrameFlag(flags),
+        host_time_ns,
+        float(message.timestamp),
+        message.dlc if message.is_remote_frame else 0,
+    )
+
+
+def _is_down(error: Exception) -> bool:
+    code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    return code == 100 or "Network is down" in str(error)  # ENETDOWN

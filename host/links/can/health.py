@@ -1,0 +1,113 @@
+"""What is noticed on a CAN bus beside frames of objects: errors, overruns, outages, a parser that stumbled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from firmware_protocol.can.frames import CanFrame
+
+# Classes and details of error frames, as Linux defines them (include/uapi/linux/can/error.h).
+_CONTROLLER = 0x004
+_NO_ACKNOWLEDGE = 0x020
+_BUS_OFF = 0x040
+_RESTARTED = 0x100
+_RECEIVE_OVERFLOW = 0x01
+_SEND_OVERFLOW = 0x02
+_WARNING = 0x04 | 0x08
+_PASSIVE = 0x10 | 0x20
+_ACTIVE = 0x40
+
+
+@dataclass(slots=True)
+class BusHealth:
+    """Counters and state of one bus."""
+
+    state: str = "active"
+    """``active``, ``warning``, ``passive`` or ``bus-off``, as error frames or the driver tell; else it stays active."""
+    error_frames: int = 0
+    unexplained: int = 0
+    """Of these, those of interfaces that do not say what the error was."""
+    overruns: int = 0
+    """Times the controller lost frames because nobody took them."""
+    dropped_frames: int = 0
+    """Frames the kernel had no room for because nobody took them; SocketCAN and udp_multicast tell."""
+    unsent: int = 0
+    """Times the controller had no room for a frame to be sent."""
+    unacknowledged: int = 0
+    """Frames sent that no other node acknowledged."""
+    passives: int = 0
+    """Times the controller became error-passive: many frames failed, or nobody else is on the bus."""
+    bus_offs: int = 0
+    went_down: bool = False
+    """Whether the interface was ever down meanwhile."""
+    parser_errors: int = 0
+    """Lines from the adapter that python-can could not read."""
+    flushes: int = 0
+    """Of these, how often its input was thrown away to go on."""
+    reopens: int = 0
+    """How often the bus was opened anew to go on."""
+    filtered_frames: int = 0
+    """Data frames with a 29-bit id, or of others where the link names a node: left out."""
+    other_nodes: set[int] = field(default_factory=set)
+    """Node ids of other objects heard."""
+
+    def bus_off(self) -> None:
+        """Take note that the controller has left the bus."""
+        self.bus_offs += self.state != "bus-off"
+        self.state = "bus-off"
+
+    def error_frame(self, frame: CanFrame, interface: str) -> None:
+        """Take an error frame; only SocketCAN says what the error was."""
+        self.error_frames += 1
+        if interface != "socketcan":
+            self.unexplained += 1
+            return
+        kind = frame.arbitration_id & 0x1FFFFFFF
+        detail = frame.data[1] if len(frame.data) > 1 else 0
+        if kind & _BUS_OFF:
+            self.bus_off()
+        elif kind & _RESTARTED:
+            self.state = "active"
+        if kind & _CONTROLLER:
+            self.overruns += bool(detail & _RECEIVE_OVERFLOW)
+            self.unsent += bool(detail & _SEND_OVERFLOW)
+            if detail & _PASSIVE:
+                self.state = "passive"
+                self.passives += 1
+            elif detail & _WARNING:
+                self.state = "warning"
+            elif detail & _ACTIVE:
+                self.state = "active"
+        self.unacknowledged += bool(kind & _NO_ACKNOWLEDGE)
+
+    def problems(self, name: str) -> tuple[str, ...]:
+        """Return what a person should know, a sentence each; no numbers, so that each is said once.
+
+        They only ever grow: what is over again was said all the same, however seldom somebody asks.
+        """
+        found = []
+        if self.went_down:
+            channel = name.partition("?")[0].rpartition(":")[2]
+            found.append(f"{name} went down: bring it up with `sudo ip link set {channel} up`")
+        if self.bus_offs:
+            found.append(f"{name} went bus-off: check bit rate, wiring and termination, then restart the interface")
+        if self.passives:
+            found.append(f"{name} became error-passive: check bit rate, wiring and termination")
+        if self.unacknowledged:
+            found.append(f"nobody on {name} acknowledges frames: check wiring, termination and the object's power")
+        if self.overruns:
+            found.append(f"the CAN controller of {name} lost frames because this computer was too slow")
+        if self.dropped_frames:
+            found.append(
+                f"frames from {name} were lost because this computer was too slow: end other programs, or raise "
+                "net.core.rmem_max (sysctl)"
+            )
+        if self.unsent:
+            found.append(f"the CAN controller of {name} has no room for frames to be sent: the bus is too busy")
+        if self.unexplained:
+            found.append(f"{name} reports errors on the bus: check bit rate, wiring and termination")
+        if self.parser_errors:
+            found.append(
+                f"what came from {name} could not all be read: check that it is a CAN adapter, its cable and baud rate"
+            )
+        return tuple(found)

@@ -1,0 +1,148 @@
+"""Failures of serial drivers, translated once into sentences with a mend.
+
+pyserial raises several families on the same event: ``SerialException`` (an ``OSError``) with or without ``errno``, bare
+``OSError`` from ``ioctl`` (``in_waiting`` on a pulled cable), ``termios.error`` (an ``Exception``), ``TypeError`` (the
+descriptor became ``None``), ``ValueError`` (an impossible baud rate). On Windows the number stands only in the text.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import stat
+import sys
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from host.errors import (
+    LinkError,
+    LinkLostError,
+    PortBusyError,
+    PortNotFoundError,
+    PortPermissionError,
+    UsageError,
+)
+from host.links.serial.listing import port_owners
+from host.text import plain
+
+BUSY = {errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK}
+GONE = {errno.ENOENT, errno.ENODEV, errno.ENXIO}
+DENIED = {errno.EACCES, errno.EPERM}
+
+
+def translate_open_error(
+    error: Exception, target: str, existing: list[str], platform: str = sys.platform
+) -> LinkError | UsageError:
+    """Say why a port did not open.
+
+    Parameters
+    ----------
+    error : Exception
+        What the driver raised.
+    target : str
+        Device path, COM port or URL.
+    existing : list of str
+        Ports that do exist, to suggest.
+    platform : str
+        ``sys.platform``; given, so that every platform's sentences are tested on one.
+    """
+    text = str(error)
+    number = _errno(error, text)
+    is_url = "://" in target
+    if is_url:
+        if isinstance(error, ValueError) or not _is_complete(target):
+            return UsageError(f"{target} is not a URL that can be opened", "write it like socket://127.0.0.1:5000")
+        reason = _reason(text)
+        return PortNotFoundError(
+            f"nothing answers at {target} ({reason})", "start the other side first, or correct host and port"
+        )
+    if isinstance(error, ValueError) or "baud" in text.lower():
+        return UsageError(f"{target} does not open ({_reason(text)})", "give a baud rate the adapter has: ?baud=115200")
+    if platform == "win32" and "PermissionError" in text:
+        # Windows opens ports exclusively: "access denied" is how it says "in use".
+        return PortBusyError(
+            f"{target} is in use by another program", "close it there (a serial monitor, an IDE, another capture)"
+        )
+    if number in BUSY:
+        owners = port_owners(target)
+        holder = "; ".join(owners) if owners else "another program"
+        return PortBusyError(f"{target} is in use by {holder}", "end that first, or capture from another port")
+    if number in DENIED:
+        return _permission(target, platform)
+    if number in GONE or "FileNotFoundError" in text:
+        here = f"ports here: {', '.join(existing)}" if existing else "no serial port exists here"
+        return PortNotFoundError(f"there is no port {target}", f"{here}; plug the object in or correct the name")
+    if number in {errno.ENOTTY, errno.EINVAL, errno.EISDIR} or "Inappropriate ioctl" in text:
+        return LinkError(f"{target} is not a serial port", "give the device file of a port, see `rotdrift ports`")
+    return LinkError(
+        f"{target} does not open ({_reason(text)})",
+        "plug the object out and in again; on Windows and macOS check its driver",
+    )
+
+
+def translate_io_error(error: Exception, name: str) -> LinkLostError:
+    """Say that an open link is gone, whatever family of exception said so."""
+    if type(error).__name__ == "SerialTimeoutException":
+        return LinkLostError(f"{name} takes no bytes any more", "check the cable and whether the object still runs")
+    reason = _reason(str(error)) or type(error).__name__
+    if isinstance(error, TypeError | ValueError) or "returned no data" in reason:  # the driver's words explain nothing
+        reason = "unplugged, or another program reads it"
+    return LinkLostError(f"{name} is gone ({reason})", "plug the object in again or restart it")
+
+
+def _permission(target: str, platform: str) -> PortPermissionError:
+    sentence = f"you may not open {target}"
+    if platform == "linux":
+        group = _owning_group(target)
+        if group == "root":
+            return PortPermissionError(
+                f"{sentence}: it belongs to root alone", "give it a group by a udev rule, see docs/first-trial.md"
+            )
+        return PortPermissionError(
+            f"{sentence}: it belongs to the group {group}",
+            f"run `sudo usermod -aG {group} $USER`, then log out and in",
+        )
+    if platform == "darwin":
+        return PortPermissionError(sentence, "use its /dev/cu.* name and check the adapter's driver in System Settings")
+    return PortPermissionError(sentence, "check the driver of the adapter and the rights of your account")
+
+
+def _is_complete(url: str) -> bool:
+    """Whether a URL of a port on the network names host and port; pyserial fails to say so of one that does not."""
+    try:
+        parts = urlsplit(url)
+        return parts.scheme not in {"socket", "rfc2217"} or bool(parts.hostname and parts.port)
+    except ValueError:  # no number, or above 65535
+        return False
+
+
+def _owning_group(target: str) -> str:
+    try:
+        import grp  # POSIX only
+
+        status = Path(target).stat()
+        if status.st_gid == 0 and not status.st_mode & stat.S_IRGRP:
+            return "root"
+        return grp.getgrgid(status.st_gid).gr_name
+    except (ImportError, OSError, KeyError):
+        return "dialout" if not Path("/etc/arch-release").exists() else "uucp"
+
+
+def _errno(error: Exception, text: str) -> int | None:
+    number = getattr(error, "errno", None)
+    if isinstance(number, int):
+        return number
+    if error.args and isinstance(error.args[0], int):  # termios.error
+        return error.args[0]
+    found = re.search(r"\[Errno (\d+)\]|\((\d+), '", text)
+    return int(found[1] or found[2]) if found else None
+
+
+def _reason(text: str) -> str:
+    """Take the driver's own words without the parts that repeat the port."""
+    found = re.search(r"\[Errno (\d+)\]", text)
+    if found and int(found[1]) > 0:
+        return os.strerror(int(found[1])).lower()
+    repeated = r"^(\[Errno -?\d+\] |read failed: |write failed: |[Cc]ould not open port \S+: )+"
+    return plain(re.sub(repeated, "", text), 120)

@@ -1,0 +1,324 @@
+"""The account of every sample: produced = received + lost on the link + rejected + dropped by the device.
+
+*Produced* counts from the first sample that could have come to the last one known of: samples received, or a STATUS
+that says how many there were. What is missing between them was *dropped* by the device (its own counter says how many),
+*rejected* here (a frame arrived in its place with a wrong CRC or impossible values), or *lost* on the way. A device
+reset closes the account of a segment and opens the next.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from firmware_protocol.packets import SEQUENCE_MODULUS, Status
+from host.losses.runs import MissingRun, MissingRuns
+
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+MAX_RUNS_KEPT = 4096
+"""Runs of missing samples remembered one by one; a sample later than so many is taken for a repeated one."""
+
+
+@dataclass(frozen=True, slots=True)
+class LossReport:
+    """An account; ``produced == received + lost + rejected + dropped`` always."""
+
+    produced: int = 0
+    received: int = 0
+    """Different samples; late ones count here, repeated ones do not."""
+    lost: int = 0
+    """On the link."""
+    rejected: int = 0
+    """Arrived damaged."""
+    dropped: int = 0
+    """By the device, because its link was full."""
+    duplicates: int = 0
+    """Samples that came again; not part of the sum."""
+    reordered: int = 0
+    """Received samples that came late; part of ``received``."""
+    segments: int = 0
+    """Accounts: one, and one more for each reset of the device or step of its clock."""
+    exact: bool = True
+    """Whether the division between lost and dropped is the device's own: False where no STATUS covers a gap."""
+
+    @property
+    def missing(self) -> int:
+        """Samples that were produced and are not here."""
+        return self.produced - self.received
+
+    @property
+    def share(self) -> float:
+        """Missing samples as a share of those produced, 0-1."""
+        return self.missing / self.produced if self.produced else 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Turn into what a result file says of losses."""
+        values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
+        values["dropped_by_device"] = values.pop("dropped")
+        return values | {"missing": self.missing, "share": round(self.share, 9)}
+
+
+@dataclass(slots=True)
+class _Account:
+    """One segment."""
+
+    runs: MissingRuns
+    first: int | None = None  # number of the first sample that could have come
+    last: int = -1  # largest number received
+    known_end: int = 0  # number after the last sample known to have been produced
+    received: int = 0
+    duplicates: int = 0
+    reordered: int = 0
+    damaged: int = 0  # frames since the last sample
+    spare: int = 0  # frames before it that stand for no sample missing there
+    dropped_now: int | None = None  # as the last STATUS said
+    status_end: int | None = None  # number the last STATUS covers up to
+    base: int | None = None  # samples_produced minus unwrapped number
+    pending: tuple[Status, Status] | None = None  # the first and the last STATUS before the first sample
+
+    @property
+    def produced(self) -> int:
+        return 0 if self.first is None else self.known_end - self.first
+
+    @property
+    def tail(self) -> MissingRun | None:
+        """What is known to be missing behind the last sample."""
+        missing = self.known_end - self.last - 1
+        return MissingRun(self.last + 1, missing, self.damaged) if missing > 0 else None
+
+    @property
+    def exact(self) -> bool:
+        if self.produced == self.received:
+            return True
+        run = self.tail or self.runs.newest
+        return self.status_end is not None and (run is None or self.status_end >= run.end)
+
+
+class LossLedger:
+    """Keeps the account while samples and STATUS come in wire order. Memory is bounded.
+
+    Parameters
+    ----------
+    max_runs : int
+        Runs of missing samples kept one by one in each account, and of closed accounts together.
+    """
+
+    def __init__(self, max_runs: int = MAX_RUNS_KEPT) -> None:
+        self._max_runs = max_runs
+        self._closed = LossReport()
+        self._closed_runs: deque[MissingRun] = deque(maxlen=max_runs)
+        self._account = _Account(MissingRuns(max_runs))
+
+    @property
+    def is_new(self) -> bool:
+        """Whether the present account waits for its first sample."""
+        return self._account.first is None
+
+    def new_segment(self, shift: int = 0) -> None:
+        """Close the account: the device was reset or its clock stepped, and its numbers cannot be compared.
+
+        Parameters
+        ----------
+        shift : int
+            What makes of this account's numbers those of :meth:`missing_runs`.
+        """
+        if self._account.first is not None:
+            self._closed = _sum(self._closed, _report(self._account))
+            self._closed_runs.extend(_shifted(self._account, shift))
+        self._account = _Account(MissingRuns(self._max_runs))
+
+    def missing_runs(self, shift: int = 0) -> list[MissingRun]:
+        """Give every run of missing samples kept, in order, with why each is missing; ``shift`` as above."""
+        return [*self._closed_runs, *_shifted(self._account, shift)]
+
+    def expected_start(self) -> int | None:
+        """Give the number of the next sample produced, where a STATUS told before the first sample came."""
+        account = self._account
+        if account.pending is None or account.first is not None:
+            return None
+        return account.pending[1].samples_produced
+
+    def first_number(self, number: int) -> int:
+        """Tell where an account that opens with this sample begins: a STATUS may have told of samples before it."""
+        pending = self._account.pending
+        if pending is None or not 0 <= number - pending[1].samples_produced < SEQUENCE_MODULUS // 2:
+            return number
+        return pending[0].samples_produced
+
+    def damaged(self, n: int) -> None:
+        """Enter frames that arrived damaged, behind all samples so far."""
+        self._account.damaged += n
+
+    def feed(
+        self,
+        numbers: IntArray,
+        damaged: IntArray | None = None,
+        statuses: Sequence[tuple[int, Status]] = (),
+    ) -> BoolArray:
+        """Enter samples, and what STATUS packets among them say.
+
+        Parameters
+        ----------
+        numbers : (n,) int64
+            Unwrapped sample numbers in wire order, n >= 1.
+        damaged : (n,) int64, optional
+            Frames that arrived damaged just before each; none by default.
+        statuses : sequence of (int, Status)
+            STATUS packets in wire order, and before which of the samples each came.
+
+        Returns
+        -------
+        (n,) bool
+            False for samples that were here before: they must not be used again.
+        """
+        n = len(numbers)
+        keep = np.ones(n, dtype=np.bool_)
+        counts_on = damaged is None and self._counts_on(numbers)
+        if not counts_on and not statuses:
+            return self._feed_disturbed(numbers, np.zeros(n, np.int64) if damaged is None else damaged.copy())
+        done = 0
+        for position, status in (*statuses, (n, None)):
+            if counts_on:
+                self._account.received += position - done
+                self._account.last += position - done
+                self._know_of_last()
+            elif position > done:
+                part = slice(done, position)
+                keep[part] = self.feed(numbers[part], None if damaged is None else damaged[part])
+            if status is not None:
+                self.status(status)
+            done = position
+        return keep
+
+    def _counts_on(self, numbers: IntArray) -> bool:
+        """Whether every sample follows the one before, as nearly always, and nothing is in doubt."""
+        account, n = self._account, len(numbers)
+        if account.first is None or account.damaged + account.spare or int(numbers[-1]) - account.last != n:
+            return False
+        return bool(numbers[0] > account.last and (n == 1 or (numbers[1:] > numbers[:-1]).all()))
+
+    def _know_of_last(self) -> None:
+        account = self._account
+        account.known_end = max(account.known_end, account.last + 1)
+        account.runs.settle(account.last + 1)
+
+    def _feed_disturbed(self, numbers: IntArray, damaged: IntArray) -> BoolArray:
+        if self._account.first is None:
+            self._open(int(numbers[0]))
+        damaged[0] += self._account.damaged
+        self._account.damaged = 0
+        keep = self._enter_each(numbers, damaged)
+        self._know_of_last()
+        return keep
+
+    def _enter_each(self, numbers: IntArray, damaged: IntArray) -> BoolArray:
+        account = self._account
+        missing = np.diff(numbers, prepend=account.last) - 1
+        if account.reordered or (missing < 0).any():
+            pairs = zip(numbers.tolist(), damaged.tolist(), strict=True)
+            return np.array([self._enter(number, hits) for number, hits in pairs], dtype=np.bool_)
+        for index in np.flatnonzero(missing).tolist():
+            gone = int(missing[index])
+            account.runs.add(MissingRun(int(numbers[index]) - gone, gone, int(damaged[index])))
+        account.received += len(numbers)
+        account.last = int(numbers[-1])
+        return np.ones(len(numbers), dtype=np.bool_)
+
+    def status(self, status: Status) -> None:
+        """Enter the device's own counters."""
+        account = self._account
+        if account.first is None:
+            first = account.pending[0] if account.pending else status
+            if status.samples_produced < first.samples_produced:
+                first = status  # reset before the first sample
+            account.pending = (first, status)
+            return
+        if account.base is None:
+            # The low 16 bits are the next number; which wrap it is, the samples around it tell.
+            ahead = (status.samples_produced - (account.last + 1)) % SEQUENCE_MODULUS
+            if ahead >= SEQUENCE_MODULUS // 2:
+                ahead -= SEQUENCE_MODULUS
+            account.base = status.samples_produced - (account.last + 1 + ahead)
+            missing = account.produced - account.received + max(0, ahead)
+            # Drops from before we listened cannot be told from those since, unless nothing is missing since.
+            account.dropped_now = max(0, status.samples_dropped - missing)
+        end = status.samples_produced - account.base
+        account.known_end = max(account.known_end, end)
+        account.status_end = end
+        account.runs.mark(end, max(0, status.samples_dropped - (account.dropped_now or 0)))
+        account.runs.settle(account.last + 1)
+        account.dropped_now = status.samples_dropped
+
+    def report(self) -> LossReport:
+        """Give the account over all segments."""
+        if self._account.first is None:
+            return self._closed
+        return _sum(self._closed, _report(self._account))
+
+    def _open(self, number: int) -> None:
+        account = self._account
+        account.first = self.first_number(number)
+        if account.pending is not None and 0 <= number - account.pending[1].samples_produced < SEQUENCE_MODULUS // 2:
+            first, last = account.pending
+            account.base = 0
+            account.status_end = last.samples_produced
+            account.runs.mark(last.samples_produced, last.samples_dropped - first.samples_dropped)
+            account.dropped_now = last.samples_dropped
+        account.last = account.first - 1
+        account.known_end = account.first
+
+    def _enter(self, number: int, damaged: int) -> bool:
+        """Enter one sample of a disturbed run, and the damaged frames before it; returns whether it is new."""
+        account = self._account
+        missing = max(0, number - account.last - 1)
+        spare, account.spare = account.spare, max(0, damaged - missing)
+        if account.spare and account.reordered:
+            # Where frames change places, one damaged may be missing behind the next sample, or before the last.
+            account.spare -= account.runs.explain(account.last, account.spare)
+        else:
+            account.spare = 0
+        if missing:
+            account.runs.add(MissingRun(account.last + 1, missing, damaged + spare))
+        if number <= account.last:
+            if not account.runs.fill(number):
+                account.duplicates += 1
+                return False
+            account.reordered += 1
+        account.last = max(account.last, number)
+        account.received += 1
+        return True
+
+
+def _shifted(account: _Account, shift: int) -> list[MissingRun]:
+    return [replace(run, first=run.first + shift) for run in account.runs.all_runs(account.tail)]
+
+
+def _report(account: _Account) -> LossReport:
+    missing = account.runs.totals(account.tail)
+    return LossReport(
+        produced=account.produced,
+        received=account.received,
+        lost=account.produced - account.received - missing.rejected - missing.dropped,
+        rejected=missing.rejected,
+        dropped=missing.dropped,
+        duplicates=account.duplicates,
+        reordered=account.reordered,
+        segments=1,
+        exact=account.exact,
+    )
+
+
+def _sum(one: LossReport, other: LossReport) -> LossReport:
+    total = {
+        item.name: getattr(one, item.name) + getattr(other, item.name)
+        for item in fields(LossReport)
+        if item.name != "exact"
+    }
+    return LossReport(**total, exact=one.exact and other.exact)

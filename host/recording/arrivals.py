@@ -1,0 +1,212 @@
+"""When each sample of a recording arrived, and which answer belongs to which TIME_REQUEST, for the offline clock.
+
+A recording is decoded many chunks at a time, because a chunk of one sample costs as much as one of a hundred. The
+decoder says where each frame ends, and so which of the chunks brought it. Requests and their answers bound the
+offset of the two clocks.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from firmware_protocol.codec import decode_packet
+from firmware_protocol.errors import MalformedPacketError, ProtocolError
+from firmware_protocol.items import StreamItem
+from firmware_protocol.packets import Info, OrientationBatch, TimeReply, TimeRequest
+from firmware_protocol.serial.framing import FrameDecoder
+from host.clock.interval import NO_ROUND_TRIPS, RoundTrips
+from host.clock.remap import RemappedClock, remap
+from host.links.transport import AnyChunk
+
+IntArray = npt.NDArray[np.int64]
+
+MAX_CHUNKS = 200_000
+"""Longer recordings are thinned to about so many arrivals: still hundreds in every second that matters."""
+
+
+class SampleArrivals:
+    """Gathers device time and arrival of the samples of one recording."""
+
+    def __init__(self) -> None:
+        self._ticks: list[npt.NDArray[np.uint32]] = []
+        self._arrivals: list[IntArray] = []
+        self._n = 0
+        self._starts: list[int] = []
+        self._boot_id: int | None = None
+        self.n_unplaced = 0
+        """Samples whose chunk could not be told; they are left out here."""
+
+    def reopened(self) -> None:
+        """Take note that the link was opened again: the device may have been reset."""
+        self._starts.append(self._n)
+
+    def feed(self, item: StreamItem, arrival_ns: IntArray) -> None:
+        """Take an item of a byte link.
+
+        Parameters
+        ----------
+        item : StreamItem
+            As the link decoded it.
+        arrival_ns : (n,) int64
+            When the chunk was received that completed each of its n samples; not looked at for any other packet.
+        """
+        if isinstance(item, OrientationBatch):
+            self._ticks.append(item.device_time_us)
+            self._arrivals.append(arrival_ns)
+            self._n += len(item)
+        elif isinstance(item, Info):
+            if self._boot_id is not None and item.boot_id != self._boot_id:
+                self._starts.append(self._n)
+            self._boot_id = item.boot_id
+
+    def feed_frames(self, parts: list[AnyChunk], items: Iterable[StreamItem]) -> None:
+        """Take chunks of CAN frames that were decoded together, and what they gave; each frame has its own time."""
+        items = list(items)
+        n = sum(len(item) for item in items if isinstance(item, OrientationBatch))
+        arrivals = _frame_arrivals(parts, n)
+        if arrivals is None:
+            self.leave_out(items)
+        start = 0
+        for item in items:
+            if not isinstance(item, OrientationBatch):
+                self.feed(item, np.empty(0, np.int64))
+            elif arrivals is not None:
+                self.feed(item, arrivals[start : start + len(item)])
+                start += len(item)
+
+    def leave_out(self, items: Iterable[StreamItem]) -> None:
+        """Count samples that the decoder held to the end: by then their chunk is not known any more."""
+        self.n_unplaced += sum(len(item) for item in items if isinstance(item, OrientationBatch))
+
+    def remapped(self, round_trips: RoundTrips = NO_ROUND_TRIPS) -> RemappedClock | None:
+        """Run the clock's offline pass; None where no sample's arrival is known.
+
+        Parameters
+        ----------
+        round_trips : RoundTrips
+            Of the same recording; they bound the offset.
+        """
+        if not self._n:
+            return None
+        ticks = np.concatenate(self._ticks).astype(np.int64)
+        arrivals = np.maximum.accumulate(np.concatenate(self._arrivals))
+        starts = np.array(self._starts, dtype=np.int64)
+        step = 1 + (1 + int(np.count_nonzero(np.diff(arrivals)))) // MAX_CHUNKS
+        if step > 1:
+            chunk = np.cumsum(np.diff(arrivals, prepend=arrivals[0]) > 0)
+            keep = np.flatnonzero(chunk % step == 0)
+            ticks, arrivals, starts = ticks[keep], arrivals[keep], np.searchsorted(keep, starts)
+        return remap(ticks, arrivals, np.unique(starts).tolist(), round_trips=round_trips)
+
+
+def _frame_arrivals(parts: list[AnyChunk], n: int) -> IntArray | None:
+    """Give each sample the time of its own CAN frame; None if they cannot be told apart."""
+    from firmware_protocol.can.frames import frame_array
+    from firmware_protocol.can.mapping import FD_BIT, NODE_BITS, CanFunction
+
+    times: list[Any] = []
+    for part in parts:
+        try:
+            records = frame_array(part.data)
+        except MalformedPacketError:
+            return None
+        function = (records["arbitration_id"] & ~np.uint32(FD_BIT)) >> NODE_BITS
+        times.append(records["host_time_ns"][(function == CanFunction.ORIENTATION) & (records["flags"] & 0x39 == 0)])
+    arrived: IntArray = np.concatenate(times).astype(np.int64)
+    return arrived if len(arrived) == n else None
+
+
+def clock_values(clock: RemappedClock | None, n_unplaced: int) -> dict[str, Any] | None:
+    """Lay out what the offline pass found, for a result file; None where it found nothing."""
+    if clock is None:
+        return None
+    longest = max(clock.segments, key=lambda segment: segment.n_chunks)
+    interval = longest.interval
+    bounds_ns = None if interval.low_ns is None else (interval.low_ns, interval.high_ns)
+    return {
+        "offset_ms": longest.offset_ns / 1e6,
+        "offset_interval_ms": None if bounds_ns is None else [(longest.offset_ns + ns) / 1e6 for ns in bounds_ns],
+        "mapped_time_error_ms": None if bounds_ns is None else [ns / 1e6 for ns in bounds_ns],
+        "round_trips": interval.n_round_trips,
+        "consistent": all(segment.interval.consistent for segment in clock.segments),
+        "skew_ppm": longest.skew_ppm,
+        "jitter_p50_ms": longest.jitter_p50_ns / 1e6,
+        "jitter_p99_ms": longest.jitter_p99_ns / 1e6,
+        "window_s": longest.window_s,
+        "bursty": longest.bursty,
+        "arrivals": sum(segment.n_chunks for segment in clock.segments),
+        "samples_unplaced": n_unplaced,
+        "segments": [
+            {"samples": segment.stop - segment.start, "skew_ppm": segment.skew_ppm} for segment in clock.segments
+        ],
+        "steps": [{"by_s": step.disagreement_us / 1e6, "gap_s": step.gap_ns / 1e9} for step in clock.steps],
+    }
+
+
+MAX_ROUND_TRIPS = 200_000
+"""Two days of them; more are not kept."""
+SAME_ID_KEPT = 4
+"""Requests remembered with one command id: it comes again after 256 commands."""
+
+
+class RecordedRoundTrips:
+    """Gathers the round trips of one recording."""
+
+    def __init__(self) -> None:
+        self._sent_ns: dict[int, deque[int]] = defaultdict(lambda: deque(maxlen=SAME_ID_KEPT))
+        self._found: list[tuple[int, int, int, int]] = []
+
+    def feed_sent(self, data: bytes, host_time_ns: int) -> None:
+        """Take what the host sent, framed or (CAN) as the bare packet; what is no TIME_REQUEST is passed over."""
+        for packet in FrameDecoder().feed(data) if data[:1] == b"\0" else [data]:
+            try:
+                command = decode_packet(packet)
+            except ProtocolError:
+                continue
+            if isinstance(command, TimeRequest):
+                self._sent_ns[command.command_id].append(host_time_ns)
+
+    def feed(self, reply: TimeReply, received_ns: int) -> None:
+        """Take an answer, and when the chunk was received that completed it."""
+        sent_ns = self.sent_ns(reply, received_ns)
+        if sent_ns is not None and len(self._found) < MAX_ROUND_TRIPS:
+            self._found.append((sent_ns, reply.receive_uptime_us, reply.transmit_uptime_us, received_ns))
+
+    def sent_ns(self, reply: TimeReply, received_ns: int) -> int | None:
+        """When the request was sent that a reply answers; None where there is none."""
+        return max((at_ns for at_ns in self._sent_ns[reply.command_id] if at_ns <= received_ns), default=None)
+
+    def feed_frames(self, parts: list[AnyChunk], items: Iterable[StreamItem]) -> None:
+        """Take chunks of CAN frames that were decoded together, and what they gave; each frame has its own time."""
+        for item in items:
+            if isinstance(item, TimeReply):
+                self.feed(item, _can_arrival(parts))
+
+    def round_trips(self) -> RoundTrips:
+        """Give what was found, in order of arrival."""
+        if not self._found:
+            return NO_ROUND_TRIPS
+        # Uptimes are u64; of a damaged one only the low bits matter, as of any.
+        columns = np.array([[value & (2**62 - 1) for value in trip] for trip in self._found], dtype=np.int64)
+        return RoundTrips(*columns[np.argsort(columns[:, 3], kind="stable")].T)
+
+
+def _can_arrival(parts: list[AnyChunk]) -> int:
+    """Give the time of the last frame that can have been part of a reply."""
+    from firmware_protocol.can.frames import frame_array
+    from firmware_protocol.can.mapping import FD_BIT, NODE_BITS, CanFunction
+
+    try:
+        records = frame_array(b"".join(part.data for part in parts))
+    except MalformedPacketError:
+        return parts[-1].host_time_ns
+    function = (records["arbitration_id"] & ~np.uint32(FD_BIT)) >> NODE_BITS
+    times = records["host_time_ns"][
+        (function == CanFunction.TIME_REPLY_RECEIVE) | (function == CanFunction.TIME_REPLY_TRANSMIT)
+    ]
+    return int(times.max()) if len(times) else parts[-1].host_time_ns

@@ -1,0 +1,245 @@
+"""Chunks of a recording put together into samples, as a live capture puts them together, but many chunks at a time.
+
+Nothing depends on how many: every packet is placed by the reception of its own chunk, so a recording gives the very
+samples, segments and losses that the capture had.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from firmware_protocol.items import StreamItem
+from firmware_protocol.packets import Event, OrientationBatch, Status, TimeReply
+from host.links.transport import AnyChunk, FrameChunk, joined
+from host.losses.ledger import LossLedger
+from host.recording.arrivals import RecordedRoundTrips, SampleArrivals
+from host.recording.bulk.raw_stretch import RawStretch
+from host.stream.decoding import Link, grouped
+from host.stream.samples import SampleAssembler, TimedStatus
+from host.stream.series import SampleGatherer
+
+IntArray = npt.NDArray[np.int64]
+
+MAX_EVENTS = 10_000
+"""More events than a hand can make are damage or a flood: the rest is not kept."""
+MAX_RUNS = 1_000_000
+"""Runs of missing samples kept, to be told cycle by cycle: a day at 200 Hz with one sample in twenty missing."""
+PART_SAMPLES = 1 << 14
+"""Samples taken together: what is worked out of them stays in the cache. Measured."""
+STRETCH_BYTES = 2**20
+"""Single chunks are put end to end up to about so many bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimedEvent:
+    """An event of the object (button, marker) on the time axis of the samples."""
+
+    time_s: float
+    kind: str
+    """``BUTTON`` or ``MARKER``."""
+    value: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _PlacedSamples:
+    """n samples, and which chunk of a stretch completed each."""
+
+    batch: OrientationBatch
+    places: IntArray  # (n,) of the chunks
+    times_ns: IntArray  # (n,) their reception
+
+    def part(self, piece: slice) -> _PlacedSamples:
+        return _PlacedSamples(self.batch.part(piece), self.places[piece], self.times_ns[piece])
+
+
+class TrialAssembly:
+    """Takes what a link delivered, in order, and gathers what a score needs.
+
+    Parameters
+    ----------
+    node : int, optional
+        Node id of the object on a bus; by default the first that is heard.
+    trips : RecordedRoundTrips, optional
+        Told what was sent; is told the answers.
+    share : callable, optional
+        Tells which share of what was delivered has been fed, at least; 0 where that is not known.
+    """
+
+    def __init__(
+        self,
+        node: int | None = None,
+        trips: RecordedRoundTrips | None = None,
+        share: Callable[[], float] = lambda: 0.0,
+    ) -> None:
+        self.link = Link(node=node)
+        self.assembler = SampleAssembler(LossLedger(MAX_RUNS))
+        self.arrivals = SampleArrivals()
+        self.trips = trips or RecordedRoundTrips()
+        self.samples = SampleGatherer(share)
+        self.events: list[TimedEvent] = []
+        self.temperatures_c: list[float] = []
+        self.reopened = 0
+        self._waiting: list[tuple[Event, int]] = []  # events in front of the first sample of their chunk
+        self._heard_ns = 0
+
+    def feed(self, delivered: Iterable[RawStretch | AnyChunk]) -> None:
+        """Take all that was delivered."""
+        for item in _joined(delivered):
+            if not isinstance(item, RawStretch):
+                self._feed_chunks(item)
+            elif self.link.is_of_bytes:
+                self._feed_stretch(item)
+            else:  # bytes on what began as a CAN link, which no recording of ours has
+                self._feed_chunks([*item.chunks()])
+
+    def finish(self) -> None:
+        """Take what the link still holds: nothing follows."""
+        held = self.link.flush()
+        self.assembler.damaged(self.link.take_damage())
+        self.arrivals.leave_out(held)
+        self.samples.add(self.assembler.feed(held, self._heard_ns))
+        self.samples.add(self.assembler.release())
+
+    def _feed_stretch(self, stretch: RawStretch) -> None:
+        packets = self.link.feed_stretch(stretch.data)
+        self.assembler.damaged(self.link.take_damage())
+        assert packets.ends is not None
+        samples = _PlacedSamples(packets.samples, *_arrivals(stretch, packets.ends))
+        _, times_ns = _arrivals(stretch, np.array([end for _, _, end in packets.others], dtype=np.int64))
+        start, statuses = 0, list[TimedStatus]()
+        for (position, packet, _), time_ns in zip(packets.others, times_ns.tolist(), strict=True):
+            if isinstance(packet, TimeReply):
+                self.trips.feed(packet, time_ns)
+            elif isinstance(packet, Status):
+                statuses.append(TimedStatus(position, packet, time_ns))
+                self._note_temperature(packet)
+            else:
+                self._feed_parts(samples, start, position, statuses)
+                start, statuses = position, []
+                self.arrivals.feed(packet, stretch.host_time_ns[:0])
+                self._feed_other(packet, time_ns)
+        self._feed_parts(samples, start, len(packets.samples), statuses)
+        self._waiting.clear()
+        self._heard_ns = int(stretch.host_time_ns[-1])
+
+    def _feed_parts(self, samples: _PlacedSamples, start: int, stop: int, statuses: list[TimedStatus]) -> None:
+        """Feed samples and the STATUS packets among them, so many at a time."""
+        for first in range(start, max(stop, start + 1), PART_SAMPLES):
+            last = min(first + PART_SAMPLES, stop)
+            among = [item for item in statuses if first < item.position <= last or item.position == first == start]
+            part = samples.part(slice(first, last))
+            if last > first:
+                self.arrivals.feed(part.batch, part.times_ns)
+            self._feed_samples(part, [replace(item, position=item.position - first) for item in among])
+
+    def _feed_samples(self, samples: _PlacedSamples, statuses: list[TimedStatus]) -> None:
+        """Feed samples and the STATUS packets among them: together, or where that cannot be done in halves."""
+        batch, places, times_ns = samples.batch, samples.places, samples.times_ns
+        block = self.assembler.feed_run(batch, times_ns, statuses) if len(batch) else None
+        if block is not None:
+            if len(block):
+                self.samples.add([block])
+        elif statuses:
+            middle = len(statuses) // 2
+            status, at = statuses[middle], statuses[middle].position
+            self._feed_samples(samples.part(slice(0, at)), statuses[:middle])
+            self.samples.add(self.assembler.feed([status.status], status.host_time_ns))
+            after = [replace(item, position=item.position - at) for item in statuses[middle + 1 :]]
+            self._feed_samples(samples.part(slice(at, None)), after)
+        elif len(batch) and places[0] == places[-1]:
+            self.samples.add(self.assembler.feed([batch], int(times_ns[0])))
+            self._locate_waiting()
+        elif len(batch):
+            half = int(np.searchsorted(places, (places[0] + places[-1]) // 2, side="right"))
+            for part in (slice(0, half), slice(half, None)):
+                self._feed_samples(samples.part(part), [])
+
+    def _feed_other(self, item: StreamItem, host_time_ns: int) -> None:
+        self.samples.add(self.assembler.feed([item], host_time_ns))
+        if isinstance(item, Event):
+            self._waiting.append((item, host_time_ns))
+            self._locate_waiting()
+        elif isinstance(item, Status):
+            self._note_temperature(item)
+
+    def _note_temperature(self, status: Status) -> None:
+        if len(self.temperatures_c) < MAX_EVENTS:
+            self.temperatures_c.append(status.temperature_c)
+
+    def _locate_waiting(self) -> None:
+        """Place events on the time axis; those before the first sample of a segment wait for it."""
+        waiting, self._waiting = self._waiting, []
+        for event, host_time_ns in waiting:
+            time_s = self.assembler.locate_s(event, host_time_ns)
+            if time_s is None:
+                self._waiting.append((event, host_time_ns))
+            elif len(self.events) < MAX_EVENTS:
+                self.events.append(TimedEvent(time_s, event.kind.name, event.value))
+
+    def _feed_chunks(self, parts: list[AnyChunk]) -> None:
+        """Feed chunks of CAN frames, or the empty one that says that the link was opened again."""
+        chunk = joined(parts)
+        items = self.link.feed(chunk)
+        self.assembler.damaged(self.link.take_damage())
+        if chunk.data:
+            self._heard_ns = chunk.host_time_ns
+            self.arrivals.feed_frames(parts, items)
+            self.trips.feed_frames(parts, items)
+        else:
+            self.arrivals.reopened()
+            self.arrivals.leave_out(items)
+        for item in items:
+            if isinstance(item, OrientationBatch):
+                self.samples.add(self.assembler.feed([item], self._heard_ns))
+                self._locate_waiting()
+            elif not isinstance(item, TimeReply):
+                self._feed_other(item, self._heard_ns)
+        self._waiting.clear()
+        if not chunk.data:  # what was still held came before the cut
+            self.assembler.reopened()
+            self.reopened += 1
+
+
+def _arrivals(stretch: RawStretch, ends: IntArray) -> tuple[IntArray, IntArray]:
+    """Tell in which chunk each packet ends (the first whose stop is behind it), and when it came. Ends ascend."""
+    if not len(ends):
+        return ends, ends
+    stops = stretch.stops
+    first, last = np.searchsorted(stops, ends[[0, -1]], side="right").tolist()
+    if last - first >= len(ends):
+        places: IntArray = np.searchsorted(stops, ends, side="right")
+    else:  # fewer chunks than packets: look up the chunks
+        bounds = np.searchsorted(ends, stops[first:last])
+        places = np.repeat(np.arange(first, last + 1), np.diff(bounds, prepend=0, append=len(ends)))
+    return places, stretch.host_time_ns[places]
+
+
+def _joined(delivered: Iterable[RawStretch | AnyChunk]) -> Iterator[RawStretch | list[AnyChunk]]:
+    """Put single chunks together: those of bytes end to end, those of CAN frames as :func:`grouped` does."""
+    single: list[AnyChunk] = []
+    size = 0
+    for item in delivered:
+        ends = isinstance(item, RawStretch) or not item.data or (single and type(item) is not type(single[0]))
+        if single and (ends or size > STRETCH_BYTES):
+            yield from _together(single)
+            single, size = [], 0
+        if isinstance(item, RawStretch):
+            yield item
+        elif not item.data:
+            yield [item]
+        else:
+            single.append(item)
+            size += len(item.data)
+    if single:
+        yield from _together(single)
+
+
+def _together(chunks: list[AnyChunk]) -> Iterator[RawStretch | list[AnyChunk]]:
+    if isinstance(chunks[0], FrameChunk):
+        yield from grouped(chunks)
+    else:
+        yield RawStretch.of(chunks)

@@ -1,0 +1,253 @@
+"""Finding the message records of a block of MCAP at once: what lets an hour be read in a second.
+
+Records are a linked list, and walking it one by one is most of the work of reading a recording. Here the block is cut
+into lanes, and all lanes are walked at a time, a step of every lane together, each from the first place in it that
+looks like a message in front of another. What was met is then checked with numpy, and linked where one ends at the
+next. From a place known to be a start, all linked ones after it are starts as well. A lane that began at a false start
+(data that looks like one) only breaks a run in two: it is never reached, because no record before it ends there.
+"""
+
+from __future__ import annotations
+
+import struct
+from bisect import bisect_left
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from mcap.opcode import Opcode
+
+from firmware_protocol.serial.overlapping import overlapping
+
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+LONGEST_BYTES = 2**24
+"""A longer message is none of ours, nor a viewer's: it is left to the walk record by record."""
+HEAD_BYTES = 9
+"""Kind u8, length u64."""
+MESSAGE_HEAD_BYTES = 22
+"""Channel u16, sequence u32, log time u64, publish time u64."""
+LONGEST_BEAT = 64
+"""Records that come again and again in the same order are looked for up to so many."""
+WORTHWHILE = 500
+"""Shorter runs of them are left to the walk in lanes."""
+LANE_BYTES = 4096
+"""From one lane's begin to the next's. Measured."""
+MOST_STEPS = 4 * LANE_BYTES // (HEAD_BYTES + MESSAGE_HEAD_BYTES)
+"""Where so many do not reach the next lane, these are no messages: the rest is left to the walk record by record."""
+LOOK_BYTES = 256
+"""So far from a lane's begin a start is looked for. Where records are longer, some lanes have none and are left out."""
+_HEAD = struct.Struct("<BQH")
+_MESSAGE = int(Opcode.MESSAGE)  # with the enum, bytes are compared as wide integers
+_HEAD_DTYPE = np.dtype(
+    {
+        "names": ["kind", "length", "channel"],
+        "formats": ["u1", "<i8", "<u2"],
+        "offsets": [0, 1, 9],
+        "itemsize": _HEAD.size,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MessageRun:
+    """Message records that follow each other without a gap."""
+
+    starts: IntArray
+    """(n,) offset of each record's first byte."""
+    ends: IntArray
+    """(n,) offset behind each record."""
+    channels: IntArray
+    """(n,) channel ids."""
+
+    @property
+    def end(self) -> int:
+        """Offset behind the last of them."""
+        return int(self.ends[-1])
+
+    def on(self, ids: Collection[int]) -> MessageRun:
+        """Give those on a few channels."""
+        return self.where(on_channels(self.channels, ids))
+
+    def where(self, which: npt.NDArray[np.bool_]) -> MessageRun:
+        """Give some of them."""
+        places = np.flatnonzero(which)
+        if len(places) == len(which):
+            return self
+        return MessageRun(self.starts.take(places), self.ends.take(places), self.channels.take(places))
+
+    def places(self) -> Iterator[tuple[int, int, int]]:
+        """Give channel, start and end of them, one by one."""
+        return zip(self.channels.tolist(), self.starts.tolist(), self.ends.tolist(), strict=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EvenRun:
+    """The same few message records again and again, without a gap."""
+
+    beat: MessageRun
+    """The first of each."""
+    n_beats: int
+    period: int
+    """Bytes of a beat."""
+
+    @property
+    def end(self) -> int:
+        """Offset behind the last of them."""
+        return int(self.beat.starts[0]) + self.n_beats * self.period
+
+    def on(self, ids: Collection[int]) -> MessageRun:
+        """Give those on a few channels."""
+        return EvenRun(self.beat.on(ids), self.n_beats, self.period).whole()
+
+    def whole(self) -> MessageRun:
+        """Give all of them."""
+        beats = np.arange(self.n_beats)[:, None] * self.period
+        return MessageRun(
+            (beats + self.beat.starts).ravel(),
+            (beats + self.beat.ends).ravel(),
+            np.tile(self.beat.channels, self.n_beats),
+        )
+
+
+def on_channels(channels: IntArray, ids: Iterable[int]) -> npt.NDArray[np.bool_]:
+    """Tell which of (n,) channels are among a few."""
+    found = np.zeros(len(channels), np.bool_)
+    for channel in ids:
+        found |= channels == channel
+    return found
+
+
+class RecordRuns:
+    """The runs of message records in one block.
+
+    Parameters
+    ----------
+    block : buffer
+        Bytes of a file; where in it a record starts is for the caller to know.
+    known : collection of int
+        Ids of the channels met so far, which may grow: there are few, and little else that looks like a start has one.
+    """
+
+    def __init__(self, block: memoryview, known: Collection[int]) -> None:
+        self._block = block
+        self._known = known
+        self._linked: _LinkedRecords | None = None
+
+    def at(self, offset: int) -> MessageRun | EvenRun | None:
+        """Return the run that begins with the record at an offset; None where that is no whole message."""
+        if self._block[offset] != _MESSAGE:
+            return None
+        if self._linked is None:
+            run = _even_run(self._block, offset)
+            if run is not None:
+                return run
+            self._linked = _LinkedRecords(self._block, offset, max(self._known, default=-1))
+        return self._linked.at(offset)
+
+
+def _even_run(block: memoryview, offset: int) -> EvenRun | None:
+    """Return the run at an offset where the same few records come again and again, as from a link that beats evenly.
+
+    Their heads are all that is looked at. None where the beat is lost soon, or there is none.
+    """
+    heads: list[tuple[int, int]] = []
+    ends = [offset]
+    while len(heads) <= 2 * LONGEST_BEAT and ends[-1] + _HEAD.size <= len(block):
+        kind, length, channel = _HEAD.unpack_from(block, ends[-1])
+        if kind != Opcode.MESSAGE or not MESSAGE_HEAD_BYTES <= length < LONGEST_BYTES:
+            break
+        heads.append((length, channel))
+        ends.append(ends[-1] + HEAD_BYTES + length)
+    beats = (n for n in range(1, len(heads) // 2 + 1) if heads[n] == heads[0] and heads[n:] == heads[:-n])
+    beat = next(beats, None)
+    if beat is None:
+        return None
+    period = ends[beat] - offset
+    n_beats = (len(block) - offset) // period
+    for start in ends[:beat]:
+        # Kind, length and channel as two numbers that overlap.
+        parts = (np.ndarray(n_beats, dtype, block, start + at, (period,)) for dtype, at in (("<u8", 0), ("<u4", 7)))
+        same = np.logical_and(*(part == part[0] for part in parts))
+        n_beats = n_beats if same.all() else int(np.argmin(same))
+        if n_beats * beat < WORTHWHILE:
+            return None
+    channels = np.array([channel for _, channel in heads[:beat]], dtype=np.int64)
+    return EvenRun(MessageRun(np.array(ends[:beat]), np.array(ends[1 : beat + 1]), channels), n_beats, period)
+
+
+class _LinkedRecords:
+    """The messages in a block, from an offset on, that a walk in lanes met, linked to the next."""
+
+    def __init__(self, block: memoryview, offset: int, last_channel: int) -> None:
+        block = block[offset:]
+        starts = _walked(block)
+        ends, channels, good = _messages(block, starts)
+        whole = np.flatnonzero(good & (channels <= last_channel))
+        self._starts, self._ends = starts.take(whole) + offset, ends.take(whole) + offset
+        self._channels = channels.take(whole).astype(np.int64)
+        linked = self._starts[1:] == self._ends[:-1]
+        breaks = np.append(np.flatnonzero(~linked), len(whole) - 1) if len(whole) else np.empty(0, np.int64)
+        following = np.searchsorted(self._starts, self._ends[breaks])
+        self._breaks, self._following = breaks.tolist(), following.tolist()
+
+    def at(self, offset: int) -> MessageRun | None:
+        """Return the run that begins with the record at an offset; None where that is no whole message."""
+        first = int(np.searchsorted(self._starts, offset))
+        parts: list[slice] = []
+        while first < len(self._starts) and self._starts[first] == offset:
+            index = bisect_left(self._breaks, first)
+            parts.append(slice(first, self._breaks[index] + 1))
+            first, offset = self._following[index], self._ends[self._breaks[index]]  # past a false start
+        if not parts:
+            return None
+        columns = (self._starts, self._ends, self._channels)
+        if len(parts) == 1:
+            return MessageRun(*(column[parts[0]] for column in columns))
+        return MessageRun(*(np.concatenate([column[part] for part in parts]) for column in columns))
+
+
+def _walked(block: memoryview) -> IntArray:
+    """Walk from record to record, from the block's begin and from what looks like a start in each lane, up to the next.
+
+    All lanes take a step together. One that began at a false start goes wrong: nothing before it ends there.
+
+    Returns
+    -------
+    (n,) where records may start, ascending.
+    """
+    last = len(block) - HEAD_BYTES - MESSAGE_HEAD_BYTES
+    if last < 0:
+        return np.empty(0, np.int64)
+    begins = np.arange(LANE_BYTES, last - LOOK_BYTES, LANE_BYTES)
+    looked_at = overlapping(block, LOOK_BYTES)[begins].view(np.uint8)
+    lanes, columns = np.divmod(np.flatnonzero(looked_at == _MESSAGE), LOOK_BYTES)
+    maybe = begins[lanes] + columns
+    ends, _, good = _messages(block, maybe)
+    places = np.flatnonzero(good)
+    places = places[_messages(block, ends[places])[2]]  # and what follows is a message too
+    firsts = places[np.diff(lanes[places], prepend=-1) > 0]
+    at = np.concatenate(([0], maybe[firsts]))
+    stops = np.append(at[1:], last + 1)
+    lengths = np.ndarray((last + 2,), "<u4", block, 1, strides=(1,))  # what needs more than four bytes is no message
+    steps = [at]
+    while len(steps) < MOST_STEPS and (at < stops).any():
+        at = at + lengths[at]
+        at += HEAD_BYTES
+        np.minimum(at, last + 1, out=at)
+        steps.append(at)
+    walked = np.array(steps).T
+    return walked[walked < stops[:, None]]
+
+
+def _messages(block: memoryview, starts: IntArray) -> tuple[IntArray, npt.NDArray[np.uint16], BoolArray]:
+    """Read the records that start at (n,) places as messages: end and channel of each, and whether it can be one."""
+    heads = overlapping(block, _HEAD.size)[np.minimum(starts, len(block) - _HEAD.size)].view(_HEAD_DTYPE)
+    lengths = heads["length"]  # impossible ones are negative, or too long
+    ends = lengths + HEAD_BYTES
+    ends += starts
+    good = (lengths >= MESSAGE_HEAD_BYTES) & (lengths < LONGEST_BYTES) & (ends <= len(block))
+    good &= heads["kind"] == _MESSAGE
+    return ends, heads["channel"], good

@@ -1,0 +1,38 @@
+"""A trial from the log of another CAN tool."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from firmware_protocol.can.mapping import MAX_NODE, MIN_NODE
+from host.errors import FileError, UsageError
+from host.links.can.logs import read_can_log
+from host.recording.load import RecordedTrial, assemble
+
+
+def load_can_log(path: Path, node: int | None = None) -> RecordedTrial:
+    """Read a candump log, ASC, BLF, or a CSV of python-can.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    node : int, optional
+        Node id of the object; by default the first that is heard.
+
+    Raises
+    ------
+    UsageError
+        No such node id.
+    FileError
+        No CAN log, or no object in it.
+    """
+    if node is not None and not MIN_NODE <= node <= MAX_NODE:
+        raise UsageError(f"{node} is no node id", f"give one from {MIN_NODE} to {MAX_NODE}")
+    log = read_can_log(path)
+    trial = assemble(log.chunks, str(path), node)
+    if not len(trial.series):
+        whose = "an object" if node is None else f"the object with node id {node}"
+        raise FileError(f"{path} holds no samples of {whose}", "check that the log covers the trial, and --node")
+    return replace(trial, damage=log.damage)

@@ -1,0 +1,167 @@
+"""A recording as a trial: its samples, its losses, who the object was, and what happened."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from analysis.series import OrientationSeries
+from firmware_protocol.items import StreamCounters
+from firmware_protocol.packets import Info, Status
+from host.errors import UsageError
+from host.links.transport import AnyChunk
+from host.links.uri import parse_link_uri
+from host.losses.ledger import LossReport
+from host.losses.runs import MissingRun
+from host.recording import format as fmt
+from host.recording.arrivals import RecordedRoundTrips, clock_values
+from host.recording.assembly import MAX_EVENTS, TimedEvent, TrialAssembly
+from host.recording.bulk.raw_stretch import RawStretch
+from host.recording.reader import RecordedMessage, RecordingHeader, RecordingReader
+from host.stream.blocks import SegmentStart
+from host.trial.operator import OperatorAction, action_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedTrial:
+    """Everything a recording says that a score needs."""
+
+    series: OrientationSeries
+    """The samples; ``index`` is the unwrapped sequence number, time the device's own clock."""
+    losses: LossReport
+    missing: tuple[MissingRun, ...]
+    """Where samples are missing, numbered as the series' ``index``, and why."""
+    counters: StreamCounters
+    """What the decoder met."""
+    info: Info | None
+    """The object as it last introduced itself; None for one that never answers."""
+    status: Status | None
+    """Its last STATUS."""
+    temperatures_c: tuple[float, ...]
+    """Sensor temperatures of its STATUS packets, in order, at most :data:`MAX_EVENTS`; NaN where it did not know."""
+    events: tuple[TimedEvent, ...]
+    reconnects: int
+    """How often the link was lost and opened again."""
+    late_clock: Callable[[], dict[str, Any] | None]
+    """Makes :attr:`clock`."""
+    segments: tuple[SegmentStart, ...]
+    """Where the device was reset or its clock stepped, after the first."""
+    problems: tuple[str, ...]
+    """What was wrong with those who sent, a sentence each: two objects at once."""
+    damage: tuple[str, ...]
+    """What was wrong with the file."""
+    header: RecordingHeader | None
+    """What the file says of itself; None where the chunks came from elsewhere."""
+    actions: tuple[OperatorAction, ...] = ()
+    """What the operator did, in order, at most :data:`MAX_EVENTS`."""
+
+    @property
+    def clock(self) -> dict[str, Any] | None:
+        """What the offline pass says of the object's clock and of the link's jitter; None where nothing can be said.
+
+        It runs at the first call.
+        """
+        return self.late_clock()
+
+
+def assemble(
+    delivered: Iterable[RawStretch | AnyChunk],
+    source: str,
+    node: int | None = None,
+    trips: RecordedRoundTrips | None = None,
+    share: Callable[[], float] = lambda: 0.0,
+) -> RecordedTrial:
+    """Turn raw chunks into a trial.
+
+    Parameters
+    ----------
+    delivered : iterable of RawStretch or AnyChunk
+        What the link delivered, in order.
+    source : str
+        Where they come from, for people.
+    node : int, optional
+        Node id of the object on a bus; by default the first that is heard.
+    trips : RecordedRoundTrips, optional
+        Told what was sent while the chunks are taken: it bounds the clock's offset.
+    share : callable, optional
+        Tells which share of ``delivered`` has been given, at least; 0 where that is not known.
+    """
+    assembly = TrialAssembly(node, trips, share)
+    assembly.feed(delivered)
+    assembly.finish()
+    assembler, arrivals, round_trips = assembly.assembler, assembly.arrivals, assembly.trips.round_trips()
+    notes = [
+        f"{segment.reason} at {segment.time_s:.1f} s: later samples are placed by the host's clock"
+        for segment in assembler.segments[1:]
+    ]
+    return RecordedTrial(
+        series=assembly.samples.series(source, notes),
+        losses=assembler.losses(),
+        missing=tuple(assembler.missing_runs()),
+        counters=assembly.link.counters,
+        info=assembler.info,
+        status=assembler.status,
+        temperatures_c=tuple(assembly.temperatures_c),
+        events=tuple(assembly.events),
+        reconnects=assembly.reopened,
+        late_clock=cache(lambda: clock_values(arrivals.remapped(round_trips), arrivals.n_unplaced)),
+        segments=tuple(assembler.segments),
+        problems=(*assembly.link.problems, *assembler.problems),
+        damage=(),
+        header=None,
+    )
+
+
+def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
+    """Read a recording.
+
+    Parameters
+    ----------
+    path : Path
+        The ``.mcap`` file; cut ones are read up to the cut.
+    continuation : bytes
+        Records the disk did not take, from the capture that just ended.
+
+    Raises
+    ------
+    FileError
+        Not a recording of ours.
+    SeriesError
+        Its samples cannot be a series.
+    """
+    reader = RecordingReader(path, continuation)
+    actions: list[OperatorAction] = []
+    trips = RecordedRoundTrips()
+    trial = assemble(_delivered(reader, actions, trips), path.name, _node(reader.header), trips, reader.share_read)
+    return replace(trial, actions=tuple(actions), damage=tuple(reader.damage), header=reader.header)
+
+
+def _delivered(
+    reader: RecordingReader, actions: list[OperatorAction], trips: RecordedRoundTrips
+) -> Iterator[RawStretch | AnyChunk]:
+    """Give what the link delivered; collect what the operator did and what was sent on the way."""
+    for item in reader.stretches({fmt.SENT, fmt.ACTION}):
+        if not isinstance(item, RecordedMessage):
+            yield item
+            continue
+        try:
+            if item.topic == fmt.SENT:
+                sent = fmt.decode_raw(item.data, fmt.SENT)
+                trips.feed_sent(sent.data, sent.host_time_ns)
+            elif len(actions) < MAX_EVENTS:
+                actions.append(action_of(item.values()))
+        except (ValueError, KeyError) as error:
+            reader.damage.append(f"a record of {item.topic} is damaged ({error}) and left out")
+
+
+def _node(header: RecordingHeader) -> int | None:
+    """Read the node id from the link's URI, so that the same object is scored that was captured."""
+    try:
+        text = parse_link_uri(header.link).options.get("node", "")
+    except UsageError:
+        return None
+    return int(text, 0) if re.fullmatch(r"\d{1,3}|0[xX][0-9a-fA-F]{1,2}", text) else None

@@ -1,0 +1,129 @@
+"""Any recording, ours or anybody's, read and scored: what score, baseline, report, convert and verify start from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from analysis.formats import read_series
+from analysis.scoring.choice import EndpointChoice
+from analysis.scoring.trial_score import TrialScore
+from analysis.series import AnalysisError, OrientationSeries, SeriesError
+from firmware_protocol.packets import Info
+from host.errors import FileError, UsageError, unreadable
+from host.links.can.log_kind import can_log_kind
+from host.recording.load import RecordedTrial, load_trial
+from host.recording.reader import is_our_recording
+from host.results.result import ScoreOptions, score_plain, score_trial
+from host.results.window import Window, resolve_window
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How to read a file that is not one of our recordings."""
+
+    columns: str | None = None
+    """Meaning of the columns, as ``--columns`` takes it."""
+    rate_hz: float | None = None
+    """Sampling rate where there are no time stamps."""
+    topic: str | None = None
+    """Which topic of a bag."""
+    node: int | None = None
+    """Node id of the object in the log of a CAN tool; None takes the first that is heard."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredRecording:
+    """A recording and its score."""
+
+    series: OrientationSeries
+    """The samples."""
+    score: TrialScore
+    """The score, with the path of the file left out: the same file anywhere gives the same result."""
+    info: Info | None = None
+    """The object as it introduced itself; None for other people's files."""
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The score as JSON values."""
+        return dict(self.score.to_json())
+
+
+def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[OrientationSeries, RecordedTrial | None]:
+    """Read a recording of any format.
+
+    Returns
+    -------
+    series, trial
+        The samples, their source being the bare name of the file; and for our own recordings what else they say.
+
+    Raises
+    ------
+    FileError
+        There is no such file, or it is nothing known.
+    """
+    reading = reading or ReadOptions()
+    try:
+        if path.is_file() and is_our_recording(path):
+            return _named(load_trial(path), path)
+        if path.is_file() and can_log_kind(path) is not None:
+            from host.recording.can_logs import load_can_log  # loads python-can
+
+            return _named(load_can_log(path, reading.node), path)
+        series = read_series(path, columns=reading.columns, rate_hz=reading.rate_hz, topic=reading.topic)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except AnalysisError as error:
+        raise FileError(str(error)) from error
+    return replace(series, source=path.name), None
+
+
+def _named(trial: RecordedTrial, path: Path) -> tuple[OrientationSeries, RecordedTrial]:
+    trial = replace(trial, series=replace(trial.series, source=path.name))
+    return trial.series, trial
+
+
+def score_recording(
+    path: Path,
+    options: ScoreOptions | None = None,
+    reading: ReadOptions | None = None,
+    window: Window | None = None,
+) -> ScoredRecording:
+    """Read and score a recording of any format.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    options
+        What a person chose for the score.
+    reading
+        How to read a file that is not ours.
+    window
+        In place of ``options.window``, where its ends may be markers.
+
+    Raises
+    ------
+    FileError
+        The file or the baseline is not what it should be.
+    UsageError
+        Chosen end points or window do not fit the recording.
+    """
+    series, trial = read_recording(path, reading)
+    options = options or ScoreOptions()
+    if options.endpoints is not None:
+        options = replace(options, endpoints=_without_path(options.endpoints))
+    if window is not None:
+        options = replace(options, window=resolve_window(window, trial))
+    try:
+        score = score_plain(series, options) if trial is None else score_trial(trial, options)
+    except SeriesError as error:
+        raise UsageError(f"{path.name}: {error}", "choose end points or a window inside the recording") from error
+    except AnalysisError as error:
+        raise FileError(f"{path.name}: {error}") from error
+    return ScoredRecording(series, score, None if trial is None else trial.info)
+
+
+def _without_path(choice: EndpointChoice) -> EndpointChoice:
+    return replace(choice, source=Path(choice.source).name)

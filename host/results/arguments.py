@@ -1,0 +1,50 @@
+"""Arguments that commands on recordings share: how to read a file, and which window of it to take."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from host.results.any_file import ReadOptions
+    from host.results.window import Window
+
+
+def add_read_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare how to read a file that is not one of our recordings."""
+    parser.add_argument("--columns", metavar="SPEC", help="what the columns are: t=time,qw=w,qx=x,qy=y,qz=z")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where a file has no time stamps")
+    parser.add_argument("--topic", metavar="NAME", help="which topic of a bag, or station of a tracker's file")
+    parser.add_argument(
+        "--node", type=int, metavar="N", help="node id of the object in a CAN log; else the first heard"
+    )
+
+
+def read_options(args: argparse.Namespace) -> ReadOptions:
+    """Give what :func:`add_read_arguments` declared."""
+    from host.results.any_file import ReadOptions
+
+    return ReadOptions(args.columns, args.rate, args.topic, args.node)
+
+
+def add_window_arguments(parser: argparse.ArgumentParser, note: str = "") -> None:
+    """Declare the ends of a window; ``note`` goes behind the help of each."""
+    parser.add_argument(
+        "--from",
+        dest="start",
+        type=_bound,
+        metavar="S|MARKER",
+        help=f"start of the window: seconds, or m1 for a marker{note}",
+    )
+    parser.add_argument("--to", dest="end", type=_bound, metavar="S|MARKER", help=f"end of the window{note}")
+
+
+def window(args: argparse.Namespace) -> Window | None:
+    """Give what :func:`add_window_arguments` declared; None where no end was given."""
+    return None if args.start is None and args.end is None else (args.start, args.end)
+
+
+def _bound(text: str) -> float | str:
+    from host.results.window import parse_bound  # imports numpy: only where there is something to parse
+
+    return parse_bound(text)

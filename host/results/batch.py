@@ -1,0 +1,179 @@
+"""Many recordings at once, over the cores; one bad file does not stop the rest, even if it takes its process down."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import active_children, get_context
+from pathlib import Path
+from typing import Any
+
+from host.errors import FileError, HostError, UsageError
+from host.results.any_file import ReadOptions, score_recording
+from host.results.result import ScoreOptions
+from host.results.window import Window
+
+SUFFIXES = frozenset({".bag", ".csv", ".mcap", ".parquet", ".pq", ".tum", ".txt"})
+"""What is taken from a folder; the format itself is recognised from the content."""
+MAX_FILES = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class BatchRow:
+    """One recording of a batch."""
+
+    path: Path
+    result: dict[str, Any] | None
+    """The result as JSON values; None where the file could not be scored."""
+    error: str | None
+    """Why not, in one sentence."""
+    exit_code: int
+    """As if the file had been scored alone: 0, 1 (not valid), 2 or 4."""
+
+
+def expand(paths: Sequence[Path]) -> list[Path]:
+    """Replace folders by the recordings in them, at any depth, in the order of their names.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files and folders; a ROS 2 bag is a folder too, and stays one.
+
+    Raises
+    ------
+    FileError
+        A folder without recordings.
+    UsageError
+        More files than make sense.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if not path.is_dir() or _is_bag(path):
+            files.append(path)
+            continue
+        found = sorted(_inside(path))
+        if not found:
+            raise FileError(f"the folder {path} has no recordings", f"they end in {', '.join(sorted(SUFFIXES))}")
+        files += found
+        if len(files) > MAX_FILES:
+            raise UsageError(f"more than {MAX_FILES} files", "score them in parts")
+    return list(dict.fromkeys(files))
+
+
+def _inside(folder: Path) -> Iterator[Path]:
+    for root, names, files in os.walk(folder):
+        here = Path(root)
+        bags = [name for name in names if _is_bag(here / name)]
+        names[:] = [name for name in names if name not in bags and not name.startswith(".")]
+        yield from (here / name for name in bags)
+        yield from (
+            here / name
+            for name in files
+            if Path(name).suffix.lower() in SUFFIXES and not name.startswith(".") and ".endpoints." not in name
+        )
+
+
+def _is_bag(path: Path) -> bool:
+    return (path / "metadata.yaml").is_file()
+
+
+def score_many(
+    paths: Iterable[Path],
+    told: Callable[[BatchRow], None],
+    options: ScoreOptions | None = None,
+    reading: ReadOptions | None = None,
+    window: Window | None = None,
+    workers: int | None = None,
+) -> list[BatchRow]:
+    """Score files in parallel.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        Files, in the order of the answer.
+    told : callable
+        Called in this process whenever a file is done, in any order.
+    options, reading, window
+        As :func:`host.results.any_file.score_recording` takes them, the same for every file.
+    workers : int, optional
+        Processes; by default one per core.
+
+    Returns
+    -------
+    list of BatchRow
+        In the order of ``paths``.
+    """
+    paths = list(paths)
+    rows: dict[int, BatchRow] = {}
+    unfinished = []
+    workers = min(workers or os.cpu_count() or 1, len(paths), 61)  # 61: what Windows can wait for
+    with _pool(workers) as pool:
+        with _interrupts_not_inherited():
+            jobs = {pool.submit(score_row, path, options, reading, window): number for number, path in enumerate(paths)}
+        for job in as_completed(jobs):
+            try:
+                rows[jobs[job]] = row = job.result()
+            except BrokenProcessPool:
+                unfinished.append(jobs[job])
+                continue
+            told(row)
+    # A process that is killed, say for want of memory, ends the pool: whatever it did not finish is scored alone.
+    for number in sorted(unfinished):
+        with _pool(1) as pool:
+            with _interrupts_not_inherited():
+                job = pool.submit(score_row, paths[number], options, reading, window)
+            try:
+                row = job.result()
+            except BrokenProcessPool:
+                row = BatchRow(paths[number], None, "the process that scored it was killed: not enough memory?", 4)
+        rows[number] = row
+        told(row)
+    return [rows[number] for number in range(len(paths))]
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Give processes that end with the block: at once where it is interrupted."""
+    others = set(active_children())
+    # A fresh interpreter each: a fork would inherit the progress bar's thread and its locks.
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in set(active_children()) - others:
+            process.terminate()
+            process.join()
+        raise
+    finally:
+        pool.shutdown()
+
+
+@contextmanager
+def _interrupts_not_inherited() -> Iterator[None]:
+    """Start processes that leave Ctrl-C, which reaches all of a terminal's, to this one."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def score_row(path: Path, options: ScoreOptions | None, reading: ReadOptions | None, window: Window | None) -> BatchRow:
+    """Score one file; whatever is wrong with it becomes part of the row."""
+    try:
+        scored = score_recording(path, options, reading, window)
+    except HostError as error:
+        return BatchRow(path, None, str(error), error.exit_code)
+    except Exception as error:  # noqa: BLE001 - one bad file must not stop the rest
+        return BatchRow(path, None, f"a fault of rotdrift itself ({type(error).__name__}: {error})", 4)
+    return BatchRow(path, scored.result, None, 0 if scored.score.valid else 1)

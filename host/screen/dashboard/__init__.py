@@ -1,0 +1,1 @@
+"""The dashboard: what the terminal shows of a trial."""

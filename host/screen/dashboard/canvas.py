@@ -1,0 +1,153 @@
+"""Dots in braille characters, 2 x 4 a cell, in ASCII one a cell; and figures three lines high."""
+
+from __future__ import annotations
+
+from rich.style import Style
+from rich.text import Text
+
+from host.screen.dashboard.theme import Look
+
+_BRAILLE = 0x2800
+_DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
+
+
+class Canvas:
+    """Dots, lines and letters on a grid; (0, 0) is the lower left dot.
+
+    Parameters
+    ----------
+    width, height : int
+        In cells.
+    look : Look
+        Decides between braille and ASCII.
+    """
+
+    def __init__(self, width: int, height: int, look: Look) -> None:
+        self.cells_wide, self.cells_high = max(0, width), max(0, height)
+        self._look = look
+        self._per_x, self._per_y = (1, 1) if look.ascii_only else (2, 4)
+        self._bits: dict[tuple[int, int], int] = {}
+        self._letters: dict[tuple[int, int], str] = {}
+        self._styles: dict[tuple[int, int], Style] = {}
+
+    @property
+    def width(self) -> int:
+        """Dots across."""
+        return self.cells_wide * self._per_x
+
+    @property
+    def height(self) -> int:
+        """Dots up."""
+        return self.cells_high * self._per_y
+
+    def dot(self, x: float, y: float, meaning: str, mark: str = "*") -> None:
+        """Set a dot; outside the picture nothing happens. ``mark`` stands for it in ASCII."""
+        place = self._cell(x, y)
+        if place is None:
+            return
+        column, row = place
+        if self._look.ascii_only:
+            self._letters.setdefault((column, row), mark)
+        else:
+            down = self.height - 1 - round(y)
+            self._bits[place] = self._bits.get(place, 0) | _DOTS[round(x) % 2][down % 4]
+        self._styles[place] = self._look.styles[meaning]
+
+    def line(self, x0: float, y0: float, x1: float, y1: float, meaning: str, mark: str = "*") -> None:
+        """Draw a straight line."""
+        steps = max(1, round(max(abs(x1 - x0), abs(y1 - y0))))
+        for k in range(min(steps, 1000) + 1):
+            self.dot(x0 + (x1 - x0) * k / steps, y0 + (y1 - y0) * k / steps, meaning, mark)
+
+    def letter(self, x: float, y: float, letter: str, meaning: str) -> None:
+        """Write one character over whatever dots are in its cell."""
+        place = self._cell(x, y)
+        if place is not None:
+            self._letters[place] = letter
+            self._styles[place] = self._look.styles[meaning]
+
+    def lines(self) -> list[Text]:
+        """Give the picture, a text per row of cells."""
+        return [self._row(row) for row in range(self.cells_high)]
+
+    def _cell(self, x: float, y: float) -> tuple[int, int] | None:
+        column, up = round(x), round(y)
+        if not (0 <= column < self.width and 0 <= up < self.height):
+            return None
+        return column // self._per_x, (self.height - 1 - up) // self._per_y
+
+    def _row(self, row: int) -> Text:
+        line = Text(no_wrap=True, end="")
+        run, style = "", None
+        for column in range(self.cells_wide):
+            place = (column, row)
+            bits = self._bits.get(place, 0)
+            character = self._letters.get(place) or (chr(_BRAILLE + bits) if bits else " ")
+            its_style = self._styles.get(place)
+            if its_style is not style and run:  # neighbours of one style go as one piece: it is drawn faster
+                line.append(run, style)
+                run = ""
+            run, style = run + character, its_style
+        return line.append(run, style)
+
+
+_GLYPHS = {
+    "0": ("█▀█", "█ █", "█▄█"),
+    "1": (" ▀█", "  █", " ▄█"),
+    "2": ("▀▀█", "█▀▀", "█▄▄"),
+    "3": ("▀▀█", " ▀█", "▄▄█"),
+    "4": ("█ █", "▀▀█", "  █"),
+    "5": ("█▀▀", "▀▀█", "▄▄█"),
+    "6": ("█▀▀", "█▀█", "█▄█"),
+    "7": ("▀▀█", "  █", "  █"),
+    "8": ("█▀█", "█▀█", "█▄█"),
+    "9": ("█▀█", "▀▀█", "▄▄█"),
+    ".": (" ", " ", "▄"),
+    "-": ("   ", "▀▀▀", "   "),
+    "°": ("▄▄", "▀▀", "  "),
+    " ": (" ", " ", " "),
+}
+_ASCII_GLYPHS = {
+    "0": (" _ ", "| |", "|_|"),
+    "1": ("   ", "  |", "  |"),
+    "2": (" _ ", " _|", "|_ "),
+    "3": (" _ ", " _|", " _|"),
+    "4": ("   ", "|_|", "  |"),
+    "5": (" _ ", "|_ ", " _|"),
+    "6": (" _ ", "|_ ", "|_|"),
+    "7": (" _ ", "  |", "  |"),
+    "8": (" _ ", "|_|", "|_|"),
+    "9": (" _ ", "|_|", " _|"),
+    ".": (" ", " ", "."),
+    "-": ("   ", " _ ", "   "),
+    "°": ("deg", "   ", "   "),
+    " ": (" ", " ", " "),
+}
+
+
+def big_text(text: str, ascii_only: bool = False) -> tuple[str, str, str]:
+    """Write figures in block characters.
+
+    Parameters
+    ----------
+    text : str
+        Digits, point, minus, degree sign and space.
+    ascii_only : bool
+        Draw with lines of ASCII in place of blocks.
+
+    Returns
+    -------
+    tuple of str
+        Three lines of equal length.
+
+    Raises
+    ------
+    ValueError
+        There is no figure for a character.
+    """
+    glyphs = _ASCII_GLYPHS if ascii_only else _GLYPHS
+    unknown = sorted(set(text) - set(glyphs))
+    if unknown:
+        raise ValueError(f"no large figure for {''.join(unknown)!r}")
+    top, middle, bottom = (" ".join(glyphs[character][line] for character in text) for line in range(3))
+    return top, middle, bottom

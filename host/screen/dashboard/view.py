@@ -1,0 +1,25 @@
+"""What the person at the terminal does with the picture: never part of the trial itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from host.screen.dashboard.theme import Look
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Which object is in focus, what is being typed, how it looks."""
+
+    look: Look = field(default_factory=Look)
+    focus: int = 0
+    """Which of several objects is shown whole."""
+    paused: bool = False
+    """The picture stands still; the capture goes on."""
+    help_open: bool = False
+    prompt: str = ""
+    """What is asked for while a person types; empty otherwise."""
+    typed: str = ""
+    """What was typed so far."""
+    message: str = ""
+    """Answer to the last key."""

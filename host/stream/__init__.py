@@ -1,0 +1,1 @@
+"""Chunks to timed, numbered, counted samples of one object."""

@@ -1,0 +1,1 @@
+"""A trial as it happens: samples in, cycles and a running score out."""

@@ -1,0 +1,236 @@
+"""What a capture shows of itself at one moment: frozen, made by the capture, drawn by the dashboard.
+
+Texts in here come from devices and files: they are plain (:func:`host.text.plain`), but not markup.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from host.losses.ledger import LossReport
+
+Quaternion = tuple[float, float, float, float]
+"""Scalar first."""
+REST_DPS, MOVING_DPS = 1.5, 3.0
+"""Turning rates below which the object is at rest, and above which it is moved."""
+OUTSIDE, MISSED = "outside the trial window", "cycles were missed"
+"""Reasons why a cycle does not count that are not the operator's own words."""
+
+
+@dataclass(frozen=True, slots=True)
+class CycleRow:
+    """One end point, and the cycle that it closes: the way from the end point before."""
+
+    number: int
+    """Of the cycle, from 1; 0 for the first end point, which closes none."""
+    time_s: float
+    """End point, s since the first sample."""
+    period_s: float | None
+    """Since the end point before; None for the first."""
+    step_deg: float | None
+    """Angle of the step from the end point before; None for the first."""
+    step_axis: tuple[float, float, float] | None
+    """Its axis, world frame, unit; None for the first and where the angle is too small to have one."""
+    theta_bar_deg: float | None
+    """θ̄ of all end points so far; None below two."""
+    flags: tuple[str, ...] = ()
+    """What is odd about it."""
+    quat_wxyz: tuple[float, float, float, float] | None = None
+    """Orientation at the end point, body to world."""
+    excluded: str = ""
+    """Why the cycle does not count: the operator's reason, :data:`OUTSIDE` or :data:`MISSED`; else empty."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkView:
+    """The link."""
+
+    name: str = ""
+    """Its URI."""
+    connected: bool = True
+    one_way: bool = False
+    """Whether the object streams without ever answering."""
+    rate_hz: float | None = None
+    """Samples per second over the last seconds."""
+    expected_rate_hz: float | None = None
+    """What the object was asked for or says; None where it does not tell."""
+    silent_s: float = 0.0
+    """Since the last sample."""
+    n_bytes: int = 0
+    losses: LossReport = field(default_factory=LossReport)
+    crc_errors: int = 0
+    malformed: int = 0
+    overflow_chunks: int = 0
+    """Chunks this program could not take in time."""
+    segments: int = 0
+    """1, and one more for each reset of the device or step of its clock."""
+    skew_ppm: float | None = None
+    """Rate of the device clock over the host's; None until it is known."""
+    jitter_p99_ms: float | None = None
+    """99th percentile of what the link adds to its least latency."""
+    jitter_p50_ms: float | None = None
+    """Its median."""
+    offset_interval_ns: tuple[float, float] | None = None
+    """Host minus device clock lies between these; None without answers to TIME_REQUEST."""
+    clock_warm_up_s: float | None = None
+    """How long the estimate of the device clock took until it could be relied on; None until then."""
+    reconnects: int = 0
+    """How often the link was lost and came back."""
+    segment_reason: str = ""
+    """Why the last segment began."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorView:
+    """The object and its sensor."""
+
+    name: str = ""
+    device_id: str = ""
+    """16 hex digits; empty where the object does not tell."""
+    still: bool | None = None
+    """Whether the sensor judges the object at rest; None before the first sample."""
+    saturated: bool = False
+    calibrated: bool | None = None
+    temperature_c: float | None = None
+    battery_v: float | None = None
+    orientation_wxyz: tuple[float, float, float, float] | None = None
+    """Last orientation, body to world."""
+    heading_deg_per_min: float | None = None
+    """The sensor's own drift, from its static baseline; None without one."""
+    floor_deg: float | None = None
+    """Smallest drift per cycle that can be told from a resting object's, from the baseline; None without one."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotionView:
+    """The motion as the online detector sees it."""
+
+    phase: str = "no data"
+    """In words: no data, waiting for motion, running."""
+    moving: bool = False
+    """Whether the object turns right now."""
+    period_s: float | None = None
+    swing_deg: float | None = None
+    cycle_phase: float | None = None
+    """0 at the last end point, 1 where the next is due; None before the first."""
+    flags: tuple[str, ...] = ()
+    """What to look at now: gap, axis ambiguous, noisy, pause."""
+    turn_rate_dps: float | None = None
+    """How fast the object turns, mean over the last half second, deg/s; None before the first sample."""
+    peak_rate_dps: float | None = None
+    """Its fastest turn of the last second, over some 30 ms, deg/s; None before the first sample."""
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the object does not turn."""
+        return (self.turn_rate_dps or 0.0) < REST_DPS
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingView:
+    """The recording."""
+
+    path: str = ""
+    n_bytes: int = 0
+    problem: str | None = None
+    """Why it is not on disk; None when all is well."""
+    free_bytes: int | None = None
+    """Room left on the disk."""
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """Something that should make the operator look up."""
+
+    kind: str
+    """Short name, always the same for the same thing: ``no cycles``, ``losses``, ..."""
+    sentence: str
+    """What is wrong and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorMark:
+    """A marker or note."""
+
+    time_s: float
+    """Since the first sample."""
+    text: str
+    """``marker 3``, or what was typed."""
+
+
+@dataclass(frozen=True, slots=True)
+class WindowView:
+    """The trial window that the operator set; without one everything counts."""
+
+    from_s: float | None = None
+    """Its begin, s since the first sample; None: open."""
+    to_s: float | None = None
+    """Its end; None: open."""
+
+
+@dataclass(frozen=True, slots=True)
+class GuideView:
+    """Where a guided trial is."""
+
+    number: int
+    """Step, from 1."""
+    n_steps: int
+    title: str
+    """What to do, in a few words."""
+    hint: str
+    """How, and how far it is."""
+    progress: float = 0.0
+    """Of this step, 0-1."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialState:
+    """Everything a screen needs, at one moment."""
+
+    title: str = "rotdrift"
+    elapsed_s: float = 0.0
+    """Of the capture."""
+    n_endpoints: int = 0
+    """End points so far: one more than cycles."""
+    cycles: tuple[CycleRow, ...] = ()
+    """The first end point and the cycles after it; of many the last :data:`host.trial.running_score.MAX_ROWS`."""
+    theta_bar_deg: float | None = None
+    """θ̄ so far; provisional until ``finished``."""
+    interval_deg: tuple[float, float] | None = None
+    """Its confidence interval; None while there are too few cycles."""
+    target_cycles: int | None = None
+    """How many cycles the capture will take; None without a limit."""
+    target_s: float | None = None
+    finished: bool = False
+    """Whether the offline result has replaced the provisional one."""
+    motion: MotionView = field(default_factory=MotionView)
+    sensor: SensorView = field(default_factory=SensorView)
+    link: LinkView = field(default_factory=LinkView)
+    recording: RecordingView = field(default_factory=RecordingView)
+    warnings: tuple[str, ...] = ()
+    """What a person should know, the newest last."""
+    origin_wxyz: tuple[float, float, float, float] | None = None
+    """Orientation at the first end point that counts; None before it."""
+    half_width_deg: float | None = None
+    """Half of the confidence interval's width, before its ends were cut."""
+    target_half_width_deg: float | None = None
+    """Half-width that the capture aims at; None without ``--until``."""
+    more_cycles: int | None = None
+    """How many more cycles the interval's formula asks for to reach the target; None where it cannot be said."""
+    summary: str = ""
+    """The result in a sentence, once ``finished``."""
+    alarms: tuple[Alarm, ...] = ()
+    """What is wrong now, the most urgent first."""
+    marks: tuple[OperatorMark, ...] = ()
+    """The last markers and notes."""
+    window: WindowView | None = None
+    """The trial window; None where the operator set none."""
+    guide: GuideView | None = None
+    """Step of a guided trial; None without a guide."""
+    replayed: bool = False
+    """Whether this is a recording: its operator has done what there was to do."""
+
+    @property
+    def n_cycles(self) -> int:
+        """Cycles so far."""
+        return max(0, self.n_endpoints - 1)
