@@ -1,7 +1,7 @@
 """Write what docs/architecture.md draws and lists from the code itself: ``python docs/architecture_road.py``.
 
-The floors are the ``layers`` contracts of pyproject.toml; the sentence beside a room is the first of its docstring. A test
-runs the same functions and compares, so that neither drawing nor page can say what the code does not.
+The floors are the ``layers`` contracts of pyproject.toml; the sentence beside a room is the first of its docstring. A
+test runs the same functions and compares, so that neither drawing nor page can say what the code does not.
 """
 
 from __future__ import annotations
