@@ -1,17 +1,17 @@
-"""What the host raises on purpose: one sentence each, and what to do.
+"""Errors that the host raises on purpose: what happened, and the remedy, in one sentence.
 
-HostError
-    UsageError      2   wrong use: an impossible link, an unknown scenario, a foreign package in our place
-    LinkError       3   device or link
-        PortNotFoundError       the port does not exist
-        PortBusyError           another program holds it
-        PortPermissionError     the user may not open it
-        LinkLostError           it was open and is gone: unplugged, reset by peer, driver failure
-        NoAnswerError           open, but neither an answer nor data
-        WrongObjectError        what answers is not what can be captured: protocol version, refused command
-    FileError       4   a file: missing, not a recording, empty, exists already, cannot be written
+HostError           1   a measurement without a result: `rotdrift baseline` of an object that was moved
+    UsageError      2   what the command line asks for is impossible: a link without a port, an unknown marker
+    LinkError       3   the object or the link: the port is not a serial port, nothing that came can be decoded
+        PortNotFoundError       no such port: a typing error, or the object is not plugged in
+        PortBusyError           another program holds the port: a second capture, a serial monitor
+        PortPermissionError     the user may not open the port: not in its group
+        LinkLostError           the link was open and failed: cable pulled, TCP peer gone, adapter reset
+        NoAnswerError           the link is open but silent: wrong baud rate, object switched off
+        WrongObjectError        what answers cannot be captured: another protocol version, another object
+    FileError       4   a file is missing, not a recording, empty, exists already, or cannot be written
 
-The number is the exit code of the command. Driver errors are translated once, in ``host/links``, ``from error``.
+The number is the exit code of the command. A driver's error is translated once, in ``host/links``, ``from error``.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from typing import ClassVar
 
 
 class HostError(Exception):
-    """Something a person can mend.
+    """An error that a person can do something about.
 
     Parameters
     ----------
     message : str
-        What is wrong, one sentence without a full stop.
-    mend : str
-        What to do about it; may be empty where nothing can be done.
+        What happened, one sentence without a full stop.
+    remedy : str, optional
+        What to do about it; empty where nothing can be done.
     """
 
     exit_code: ClassVar[int] = 1
 
-    def __init__(self, message: str, mend: str = "") -> None:
+    def __init__(self, message: str, remedy: str = "") -> None:
         super().__init__(message)
         self.message = message
-        self.mend = mend
+        self.remedy = remedy
 
     def __str__(self) -> str:
-        return f"{self.message}: {self.mend}" if self.mend else self.message
+        return f"{self.message}: {self.remedy}" if self.remedy else self.message
 
 
 class UsageError(HostError):
@@ -49,7 +49,7 @@ class UsageError(HostError):
 
 
 class LinkError(HostError):
-    """The device or the link to it."""
+    """The object, or the link to it."""
 
     exit_code = 3
 
@@ -67,39 +67,44 @@ class PortPermissionError(LinkError):
 
 
 class LinkLostError(LinkError):
-    """The link was open and is gone: unplugged, closed by the other side, or the driver failed."""
+    """The link was open and failed: unplugged, closed by the other side, or a failure of the driver."""
 
 
 class NoAnswerError(LinkError):
-    """The link is open, but no answer and no data came."""
+    """The link is open, but neither an answer nor data came."""
 
 
 class WrongObjectError(LinkError):
-    """What answers cannot be captured: another protocol version, or it refuses to stream."""
+    """The object cannot be captured: another protocol version, another object, or it refuses to stream."""
 
 
 class FileError(HostError):
-    """A file that is missing, is not what it should be, exists already or cannot be written."""
+    """A file is missing, is not what it should be, exists already or cannot be written."""
 
     exit_code = 4
 
 
+def already_there(path: object, remedy: str = "give another name with --out, or move it away") -> FileError:
+    """Return the error for a file that would have to be overwritten."""
+    return FileError(f"{path} exists already", remedy)
+
+
 def unreadable(path: object, error: OSError) -> FileError:
-    """Say why the system does not let a file be read, and what to do about it."""
+    """Return the error for a file that the system does not let us read."""
     if isinstance(error, FileNotFoundError):
         return FileError(f"there is no file {path}", "check the path")
     if isinstance(error, IsADirectoryError):
         return FileError(f"{path} is a folder", "give a file in it")
     if error.errno == errno.ENAMETOOLONG:
         return FileError(f"{path} is too long a name", "check the path")
-    mend = "take the right to read it" if isinstance(error, PermissionError) else "look at the disk it is on"
-    return FileError(f"{path} cannot be read ({_reason(error)})", mend)
+    remedy = "check the file's permissions" if isinstance(error, PermissionError) else "check the disk"
+    return FileError(f"{path} cannot be read ({_reason(error)})", remedy)
 
 
 def unwritable(path: object, error: OSError) -> FileError:
-    """Say why the system does not let a file be written, and what to do about it."""
-    mend = "make room there, or give another place" if error.errno in _FULL else "give another place"
-    return FileError(f"{path} cannot be written ({_reason(error)})", mend)
+    """Return the error for a file that the system does not let us write."""
+    remedy = "free some space, or give another place" if error.errno in _FULL else "give another place"
+    return FileError(f"{path} cannot be written ({_reason(error)})", remedy)
 
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}

@@ -75,5 +75,5 @@ def _print(findings: list[Finding]) -> None:
     width = max(len(finding.topic) for finding in findings)
     for finding in findings:
         sys.stdout.write(f"{signs[finding.verdict.value]} {finding.topic:{width}}  {finding.text}\n")
-        if finding.mend:
-            sys.stdout.write(f"  {'':{width}}  -> {finding.mend}\n")
+        if finding.remedy:
+            sys.stdout.write(f"  {'':{width}}  -> {finding.remedy}\n")

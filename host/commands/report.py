@@ -124,8 +124,8 @@ def _refuse_existing(out: Path, *, force: bool) -> None:
     from host.errors import FileError
 
     if out.exists() and (out.is_dir() or not force):
-        mend = "give another name with --out" + ("" if out.is_dir() else ", or replace it with --force")
-        raise FileError(f"{out} exists already", mend)
+        remedy = "give another name with --out" + ("" if out.is_dir() else ", or replace it with --force")
+        raise FileError(f"{out} exists already", remedy)
 
 
 def _write(out: Path, built: BuiltSubmission) -> None:

@@ -1,10 +1,9 @@
-"""What a check of machine or link found: one line each, with a verdict and what to do."""
+"""What a check of machine or link found: one line each, with a verdict and a remedy."""
 
 from __future__ import annotations
 
 import enum
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 
 class Verdict(enum.Enum):
@@ -18,21 +17,21 @@ class Verdict(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at."""
+    """The result of one check."""
 
     topic: str
-    """What was looked at, a word or two."""
+    """What was checked, a word or two."""
     verdict: Verdict
     text: str
     """What was found."""
-    mend: str = ""
+    remedy: str = ""
     """What to do about it; empty where nothing is to be done."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Turn into plain values."""
-        return asdict(self) | {"verdict": self.verdict.value}
+    def to_json(self) -> dict[str, str]:
+        """Return plain values; the remedy keeps the key ``mend`` that scripts may know."""
+        return {"topic": self.topic, "verdict": self.verdict.value, "text": self.text, "mend": self.remedy}
 
 
-def judged(topic: str, text: str, *, good: bool, mend: str = "", verdict: Verdict = Verdict.DOUBTFUL) -> Finding:
-    """Make a finding that is either as it should be, or ``verdict`` with a mend."""
-    return Finding(topic, Verdict.OK, text) if good else Finding(topic, verdict, text, mend)
+def judged(topic: str, text: str, *, good: bool, remedy: str = "", verdict: Verdict = Verdict.DOUBTFUL) -> Finding:
+    """Return a finding that is either as it should be, or ``verdict`` with a remedy."""
+    return Finding(topic, Verdict.OK, text) if good else Finding(topic, verdict, text, remedy)

@@ -45,7 +45,7 @@ def check_link(link: str, seconds: float = SECONDS, stop: threading.Event | None
     try:
         transport = open_transport(link)
     except HostError as error:
-        return [Finding("link", Verdict.BAD, plain(error.message, 300), plain(error.mend, 300))]
+        return [Finding("link", Verdict.BAD, plain(error.message, 300), plain(error.remedy, 300))]
     trial = Trial()
     with tempfile.TemporaryDirectory(prefix="rotdrift-doctor-") as folder:
         writer = RecordingWriter(Path(folder) / "check.mcap", transport.name, time.time_ns(), time.monotonic_ns())
@@ -64,20 +64,20 @@ def _judged_capture(trial: Trial, outcome: CaptureOutcome) -> list[Finding]:
         close = promised is None or abs(rate_hz - promised) <= RATE_TOLERANCE * promised + 2 / max(outcome.elapsed_s, 1)
         wanted = "" if promised is None else f" ({promised:.0f} promised)"
         found.append(
-            judged("rate", f"{rate_hz:.1f} Hz{wanted}", good=close, mend="samples are lost, or the object is busy")
+            judged("rate", f"{rate_hz:.1f} Hz{wanted}", good=close, remedy="samples are lost, or the object is busy")
         )
         p99 = values.get("jitter_p99_ms")
         p50 = values.get("jitter_p50_ms")
         if p99 is not None and p50 is not None:
-            mend = "a latency timer, a hub or a busy machine: end points are timed by the object's clock all the same"
-            found.append(judged("jitter", f"p50 {p50:.2f} ms, p99 {p99:.2f} ms", good=p99 <= MAX_JITTER_MS, mend=mend))
+            remedy = "a latency timer, a hub or a busy machine: end points are timed by the object's clock all the same"
+            found.append(judged("jitter", f"p50 {p50:.2f} ms, p99 {p99:.2f} ms", good=p99 <= MAX_JITTER_MS, remedy=remedy))
         parts = f"{losses.lost} lost on the link, {losses.rejected} damaged, {losses.dropped} dropped by the object"
         found.append(
             judged(
                 "losses",
                 f"{losses.missing} of {losses.produced} samples ({parts})",
                 good=losses.share <= LOSS_LIMIT,
-                mend="try another cable and port, a lower rate, no hub",
+                remedy="try another cable and port, a lower rate, no hub",
                 verdict=Verdict.BAD,
             )
         )
@@ -87,7 +87,7 @@ def _judged_capture(trial: Trial, outcome: CaptureOutcome) -> list[Finding]:
             found.append(Finding("clock offset", Verdict.INFO, f"known within {width_ms:.2f} ms"))
     found += [Finding("warning", Verdict.DOUBTFUL, plain(sentence, 300)) for sentence in outcome.warnings]
     if outcome.error is not None:
-        found.append(Finding("capture", Verdict.BAD, plain(outcome.error.message, 300), plain(outcome.error.mend, 300)))
+        found.append(Finding("capture", Verdict.BAD, plain(outcome.error.message, 300), plain(outcome.error.remedy, 300)))
     elif not trial.assembler.segments:
         found.append(Finding("capture", Verdict.BAD, f"no sample came ({outcome.reason})", "wait until it streams"))
     return found
@@ -96,8 +96,8 @@ def _judged_capture(trial: Trial, outcome: CaptureOutcome) -> list[Finding]:
 def _handshake(trial: Trial) -> Finding:
     info = trial.assembler.info
     if info is None:
-        mend = "it is captured without identity and card"
-        return Finding("object", Verdict.DOUBTFUL, "did not say who it is", mend)
+        remedy = "it is captured without identity and card"
+        return Finding("object", Verdict.DOUBTFUL, "did not say who it is", remedy)
     firmware = ".".join(map(str, info.firmware_version))
     return Finding(
         "object",
@@ -115,5 +115,5 @@ def _skew(estimate: ClockEstimate | None) -> Finding:
     text = f"{estimate.skew_ppm:+.0f} ppm, known within about {max(known_ppm, 1):.0f} ppm"
     if known_ppm > MAX_SKEW_PPM:
         return Finding("clock skew", Verdict.INFO, f"{text}: listen longer (--seconds)")
-    mend = "the object's crystal is out of its range; durations are wrong by as much"
-    return judged("clock skew", text, good=abs(estimate.skew_ppm) - known_ppm <= MAX_SKEW_PPM, mend=mend)
+    remedy = "the object's crystal is out of its range; durations are wrong by as much"
+    return judged("clock skew", text, good=abs(estimate.skew_ppm) - known_ppm <= MAX_SKEW_PPM, remedy=remedy)

@@ -47,7 +47,7 @@ def versions() -> list[Finding]:
     bad = [item for item in found if item.endswith("missing")]
     return [
         Finding("rotdrift", Verdict.INFO, f"{VERSION}, {python}, {platform.system()} {platform.release()}"),
-        judged("libraries", ", ".join(found), good=not bad, mend="install rotdrift again", verdict=Verdict.BAD),
+        judged("libraries", ", ".join(found), good=not bad, remedy="install rotdrift again", verdict=Verdict.BAD),
     ]
 
 
@@ -79,13 +79,13 @@ def clock_source(sys_folder: Path = SYS, naps: int = 20) -> list[Finding]:
             "clock",
             text,
             good=source not in {"jiffies", "refined-jiffies"} and info.resolution <= 1e-6,
-            mend="time stamps are coarse; choose another clock source (Linux: tsc)",
+            remedy="time stamps are coarse; choose another clock source (Linux: tsc)",
         ),
         judged(
             "wake-ups",
             f"late by at most {worst_ms:.2f} ms in {naps}",
             good=worst_ms < MAX_LATENESS_MS,
-            mend="the machine is busy: end other programs; chunks are stamped late while it is",
+            remedy="the machine is busy: end other programs; chunks are stamped late while it is",
         ),
     ]
 
@@ -111,7 +111,7 @@ def disk(folder: Path, n_bytes: int = DISK_BYTES) -> list[Finding]:
             "disk room",
             f"{free / 1e9:.1f} GB free at {folder}",
             good=free >= MIN_FREE_BYTES,
-            mend="make room: an hour at 200 Hz takes 0.15 GB, and the system wants some",
+            remedy="make room: an hour at 200 Hz takes 0.15 GB, and the system wants some",
         )
     ]
     path = folder / f".rotdrift-doctor-{os.getpid()}"
@@ -126,12 +126,12 @@ def disk(folder: Path, n_bytes: int = DISK_BYTES) -> list[Finding]:
         speed = max(n_bytes, len(block)) / 1e6 / max(time.monotonic() - started, 1e-6)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        mend = "give --out in a folder that can be written"
-        return [*found, Finding("disk speed", Verdict.BAD, f"{folder} cannot be written ({reason})", mend)]
+        remedy = "give --out in a folder that can be written"
+        return [*found, Finding("disk speed", Verdict.BAD, f"{folder} cannot be written ({reason})", remedy)]
     finally:
         path.unlink(missing_ok=True)
-    mend = "record to another disk, not to a network or SD card"
-    return [*found, judged("disk speed", f"{speed:.0f} MB/s written", good=speed >= MIN_DISK_MB_S, mend=mend)]
+    remedy = "record to another disk, not to a network or SD card"
+    return [*found, judged("disk speed", f"{speed:.0f} MB/s written", good=speed >= MIN_DISK_MB_S, remedy=remedy)]
 
 
 def can_interfaces(ports: Iterable[CanPort]) -> list[Finding]:
@@ -145,9 +145,9 @@ def can_interfaces(ports: Iterable[CanPort]) -> list[Finding]:
     found = []
     for port in ports:
         name = port.link.rpartition(":")[2]
-        mend = f"`sudo ip link set {name} up type can bitrate 500000`" if port.state == "down" else ""
+        remedy = f"`sudo ip link set {name} up type can bitrate 500000`" if port.state == "down" else ""
         verdict = Verdict.INFO if port.state in ("", "down") else Verdict.OK
-        found.append(Finding(port.link, verdict, f"{port.description} {port.state}".strip(), mend))
+        found.append(Finding(port.link, verdict, f"{port.description} {port.state}".strip(), remedy))
     return found
 
 
@@ -175,18 +175,18 @@ def serial_ports(
     for port in ports:
         what = " ".join(part for part in (port.vid_pid, port.description) if part) or "no USB device"
         if port.owners:
-            mend = "end that program before a capture"
-            found.append(Finding(port.device, Verdict.DOUBTFUL, f"{what}; held by {', '.join(port.owners)}", mend))
+            remedy = "end that program before a capture"
+            found.append(Finding(port.device, Verdict.DOUBTFUL, f"{what}; held by {', '.join(port.owners)}", remedy))
         elif system.startswith("linux") and not may_open(port.device):
-            found.append(Finding(port.device, Verdict.BAD, f"{what}; you may not open it", _linux_mend(port)))
+            found.append(Finding(port.device, Verdict.BAD, f"{what}; you may not open it", _linux_remedy(port)))
         else:
             found.append(Finding(port.device, Verdict.OK, what))
         if port.vid_pid.startswith(FTDI_VENDOR):
             found.append(_latency_timer(port, system, sys_folder))
-    return found or [Finding("serial ports", Verdict.INFO, "none here", _no_port_mend(system))]
+    return found or [Finding("serial ports", Verdict.INFO, "none here", _no_port_remedy(system))]
 
 
-def _linux_mend(port: SerialPort) -> str:
+def _linux_remedy(port: SerialPort) -> str:
     vendor, _, product = port.vid_pid.partition(":")
     if not product:
         return "sudo usermod -aG dialout $USER (uucp on Arch), then log out and in"
@@ -198,8 +198,8 @@ def _latency_timer(port: SerialPort, system: str, sys_folder: Path) -> Finding:
     """Read how long an FTDI adapter keeps bytes: 16 ms unless told otherwise."""
     topic = f"{port.device} latency timer"
     if system == "win32":
-        mend = "Device Manager > port > Port Settings > Advanced > Latency Timer: 1"
-        return Finding(topic, Verdict.INFO, "not readable from here; 16 ms unless changed", mend)
+        remedy = "Device Manager > port > Port Settings > Advanced > Latency Timer: 1"
+        return Finding(topic, Verdict.INFO, "not readable from here; 16 ms unless changed", remedy)
     if system == "darwin":
         return Finding(topic, Verdict.INFO, "not readable from here; 16 ms unless changed", "use FTDI's own driver")
     path = sys_folder / "bus/usb-serial/devices" / Path(port.device).name / "latency_timer"
@@ -207,11 +207,11 @@ def _latency_timer(port: SerialPort, system: str, sys_folder: Path) -> Finding:
         timer_ms = int(path.read_text())
     except (OSError, ValueError):
         return Finding(topic, Verdict.INFO, "not known")
-    mend = f"echo 1 | sudo tee {path}"
-    return judged(topic, f"{timer_ms} ms", good=timer_ms <= LATENCY_TIMER_MS, mend=mend)
+    remedy = f"echo 1 | sudo tee {path}"
+    return judged(topic, f"{timer_ms} ms", good=timer_ms <= LATENCY_TIMER_MS, remedy=remedy)
 
 
-def _no_port_mend(system: str) -> str:
+def _no_port_remedy(system: str) -> str:
     if system == "win32":
         return "plug the object in; if none appears, Device Manager shows whether its driver is missing"
     if system == "darwin":

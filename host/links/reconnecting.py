@@ -140,7 +140,7 @@ class ReconnectingTransport(ClosingTransport):
             away_s = (self._now_ns() - self._lost_ns) / 1e9
             if self._closed or away_s >= self._give_up_s:
                 raise LinkLostError(
-                    f"{lost.message}, and did not come back within {away_s:.0f} s", lost.mend
+                    f"{lost.message}, and did not come back within {away_s:.0f} s", lost.remedy
                 ) from error
             self._pause_s = min(LONGEST_PAUSE_S, 2 * self._pause_s)
             self._next_try_ns = self._now_ns() + round(1e9 * self._pause_s)

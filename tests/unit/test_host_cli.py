@@ -270,7 +270,7 @@ def test_a_folder_or_nothing_in_place_of_a_file(run, tmp_path, command):
         told = one_sentence(done, 2 if name == "folder.mcap" and command in {"report", "compare"} else 4)
         assert name in told
         assert "errno" not in told.lower()
-        assert ": " in told.removeprefix("rotdrift: "), "a mend follows"
+        assert ": " in told.removeprefix("rotdrift: "), "a remedy follows"
 
 
 @pytest.mark.parametrize(
@@ -278,11 +278,11 @@ def test_a_folder_or_nothing_in_place_of_a_file(run, tmp_path, command):
     [
         (errno.ENOENT, "there is no file x: check the path"),
         (errno.EISDIR, "x is a folder: give a file in it"),
-        (errno.EACCES, "x cannot be read (permission denied): take the right to read it"),
-        (errno.EIO, "x cannot be read (input/output error): look at the disk it is on"),
+        (errno.EACCES, "x cannot be read (permission denied): check the file's permissions"),
+        (errno.EIO, "x cannot be read (input/output error): check the disk"),
     ],
 )
-def test_what_the_system_refuses_is_a_sentence_with_a_mend(number, told):
+def test_what_the_system_refuses_is_a_sentence_with_a_remedy(number, told):
     assert str(unreadable("x", OSError(number, os.strerror(number)))) == told
 
 
@@ -315,7 +315,7 @@ def test_a_window_and_end_points_at_once_are_refused(run, command):
 
 
 def test_a_full_disk_wants_room():
-    assert "make room" in str(unwritable("x", OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
+    assert "free some space" in str(unwritable("x", OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
     assert (
         str(unwritable("x", OSError(errno.EROFS, "Read-only"))) == "x cannot be written (read-only): give another place"
     )

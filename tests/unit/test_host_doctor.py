@@ -62,8 +62,8 @@ def test_a_port_of_another_group_says_what_to_do_on_linux():
     usb, uart = PORT, replace(PORT, device="/dev/ttyS0", vid_pid="", description="")
     findings = found(machine_check.serial_ports([usb, uart], "linux", may_open=lambda _device: False))
     assert findings["/dev/ttyUSB0"].verdict is Verdict.BAD
-    assert 'ATTRS{idVendor}=="0403", ATTRS{idProduct}=="6001"' in findings["/dev/ttyUSB0"].mend
-    assert "usermod -aG dialout" in findings["/dev/ttyS0"].mend
+    assert 'ATTRS{idVendor}=="0403", ATTRS{idProduct}=="6001"' in findings["/dev/ttyUSB0"].remedy
+    assert "usermod -aG dialout" in findings["/dev/ttyS0"].remedy
     assert findings["/dev/ttyS0"].text == "no USB device; you may not open it"
 
 
@@ -84,23 +84,23 @@ def test_the_latency_timer_of_an_ftdi_adapter(tmp_path, timer, verdict):
     ]
     assert finding.verdict is verdict
     if timer == "16":
-        assert finding.mend.startswith("echo 1 | sudo tee ")
+        assert finding.remedy.startswith("echo 1 | sudo tee ")
 
 
 @pytest.mark.parametrize(("system", "said"), [("win32", "Device Manager"), ("darwin", "/dev/cu.*"), ("linux", "dmesg")])
 def test_no_port_at_all_says_where_to_look(system, said):
     (finding,) = machine_check.serial_ports([], system)
-    assert said in finding.mend
+    assert said in finding.remedy
 
 
 def test_other_systems_cannot_read_the_latency_timer():
     for system, said in (("win32", "Device Manager"), ("darwin", "driver")):
-        assert said in found(machine_check.serial_ports([PORT], system))["/dev/ttyUSB0 latency timer"].mend
+        assert said in found(machine_check.serial_ports([PORT], system))["/dev/ttyUSB0 latency timer"].remedy
 
 
-def test_a_finding_is_good_or_comes_with_a_mend():
-    assert judged("a", "b", good=True, mend="c") == Finding("a", Verdict.OK, "b", "")
-    assert judged("a", "b", good=False, mend="c").to_json() == {
+def test_a_finding_is_good_or_comes_with_a_remedy():
+    assert judged("a", "b", good=True, remedy="c") == Finding("a", Verdict.OK, "b", "")
+    assert judged("a", "b", good=False, remedy="c").to_json() == {
         "topic": "a",
         "verdict": "doubtful",
         "text": "b",
@@ -131,7 +131,7 @@ def test_a_lossy_link_is_bad(tmp_path):
     findings = checked_recording(tmp_path, drop_probability=0.1, bit_error_rate=2e-4)
     assert findings["losses"].verdict is Verdict.BAD
     assert findings["rate"].verdict is Verdict.DOUBTFUL
-    assert "another cable" in findings["losses"].mend
+    assert "another cable" in findings["losses"].remedy
 
 
 def test_a_link_that_is_not_there_is_bad(tmp_path):
@@ -160,4 +160,4 @@ def test_can_interfaces_are_named_and_one_that_is_down_says_how_to_bring_it_up()
     findings = found(machine_check.can_interfaces([up, down]))
     assert findings[up.link].verdict is Verdict.OK
     assert findings[down.link].verdict is Verdict.INFO  # nobody asked for it
-    assert "ip link set can1 up" in findings[down.link].mend
+    assert "ip link set can1 up" in findings[down.link].remedy

@@ -153,9 +153,9 @@ def test_permission_denied_names_the_group_and_the_command():
     error = serial.SerialException(errno.EACCES, "could not open port /dev/ttyACM0: [Errno 13] Permission denied")
     told = translate_open_error(error, "/dev/ttyACM0", [], platform="linux")
     assert isinstance(told, PortPermissionError)
-    assert "sudo usermod -aG" in told.mend
+    assert "sudo usermod -aG" in told.remedy
     assert "dialout" in str(told) or "uucp" in str(told)
-    assert "cu." in translate_open_error(error, "/dev/tty.usb", [], platform="darwin").mend
+    assert "cu." in translate_open_error(error, "/dev/tty.usb", [], platform="darwin").remedy
 
 
 def test_windows_says_busy_and_missing_only_in_the_text():
@@ -164,7 +164,7 @@ def test_windows_says_busy_and_missing_only_in_the_text():
     missing = serial.SerialException("could not open port 'COM9': FileNotFoundError(2, 'not found', None, 2)")
     told = translate_open_error(missing, "COM9", ["COM3", "COM4"], platform="win32")
     assert isinstance(told, PortNotFoundError)
-    assert "COM3, COM4" in told.mend
+    assert "COM3, COM4" in told.remedy
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def test_silence_is_an_error_in_time():
     took = converse(session, Object(deaf_to=(GetInfo,)), lambda: session.error is not None)
     assert isinstance(session.error, NoAnswerError)
     assert "no data came within 3 s" in str(session.error)
-    assert session.error.mend
+    assert session.error.remedy
     assert 3.0 <= took < 3.1
 
 
@@ -116,7 +116,7 @@ def test_noise_is_told_from_silence():
     session.feed([], 4000, MS)
     converse(session, Object(deaf_to=(GetInfo,)), lambda: session.error is not None)
     assert "sends bytes (4000 in 1 s)" in str(session.error)
-    assert "baud" in session.error.mend
+    assert "baud" in session.error.remedy
 
 
 def test_a_mute_object_that_streams_is_captured_and_said():
@@ -132,13 +132,13 @@ def test_a_mute_object_that_streams_is_captured_and_said():
     assert session.phase is Phase.STOPPED
 
 
-@pytest.mark.parametrize(("major", "mend"), [(2, "update rotdrift"), (0, "update the object's firmware")])
-def test_another_protocol_version_is_refused_with_both_versions(major, mend):
+@pytest.mark.parametrize(("major", "remedy"), [(2, "update rotdrift"), (0, "update the object's firmware")])
+def test_another_protocol_version_is_refused_with_both_versions(major, remedy):
     session = session_for()
     session.feed([ForeignInfo(major, 3)], 20, MS)
     assert isinstance(session.error, WrongObjectError)
     assert f"version {major}.3" in str(session.error)
-    assert session.error.mend == mend
+    assert session.error.remedy == remedy
 
 
 def test_a_refused_rate_and_a_refused_start_are_errors():
