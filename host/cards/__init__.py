@@ -1,1 +1,1 @@
-"""Object, hand and trial cards: what the benchmark card wants to know beside the score."""
+"""Object, hand and trial cards: what the benchmark asks for beside the score."""

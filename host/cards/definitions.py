@@ -1,8 +1,8 @@
-"""Object, hand and trial cards: what the benchmark card wants to know beside the score, as TOML.
+"""Object, hand and trial cards: what the benchmark asks for beside the score, as TOML.
 
-A card file holds any of the tables ``[object]``, ``[hand]`` and ``[trial]``. A field that is not known is left out; it
-is never invented. Which fields a submission needs is said in :data:`REQUIRED`, every one with the bullet of the
-benchmark card ("Results to Submit") that asks for it. The types below are also published as a JSON Schema
+A card file holds any of the tables ``[object]``, ``[hand]`` and ``[trial]``. An unknown field is left out; it is never
+invented. :data:`REQUIRED` lists the fields that a submission needs, each with the bullet of the benchmark card
+("Results to Submit") that asks for it. The types below are also published as a JSON Schema
 (``docs/cards.schema.json``), with which editors complete and check a card while it is typed.
 """
 
@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping
 from enum import Enum
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -128,7 +130,7 @@ class TrialCard(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Cards(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What one card file, or several together, say."""
+    """The content of one card file, or of several together."""
 
     object: ObjectCard = ObjectCard()
     hand: HandCard = HandCard()
@@ -153,7 +155,7 @@ REQUIRED: dict[str, str] = {
 """Field -> the bullet of the benchmark card that asks for it. Without one of these a submission is incomplete."""
 
 CHOICES: dict[str, type[Enum]] = {"object.type": ObjectType, "trial.protocol": Protocol}
-"""Field -> the values there are."""
+"""Field -> its possible values."""
 
 SIZE_KEYS = {
     ObjectType.CUBE: ("x_mm", "y_mm", "z_mm"),
@@ -161,46 +163,67 @@ SIZE_KEYS = {
     ObjectType.SPHERE: ("diameter_mm",),
     ObjectType.OTHER: ("x_mm", "y_mm", "z_mm"),
 }
-"""Which dimensions describe which type."""
+"""Type -> the dimensions that describe it."""
 
 
 def choices(field: str) -> str:
-    """List the values a field of :data:`CHOICES` may have."""
+    """Return the possible values of a field of :data:`CHOICES`, as a list to read."""
     return ", ".join(str(kind.value) for kind in CHOICES[field])
 
 
 def parse_cards(text: str, name: str = "the card") -> Cards:
-    """Read and check a card.
+    """Return the cards in a TOML text, checked.
 
     Parameters
     ----------
     text : str
         TOML with any of the tables ``[object]``, ``[hand]``, ``[trial]``.
-    name : str
-        How errors call it.
+    name : str, optional
+        The name of the card in error messages.
 
     Raises
     ------
     FileError
-        Not TOML, an unknown or wrong field, or values that do not fit each other; the message names the field.
+        Not TOML, or :func:`cards_from` refuses its values.
     """
     try:
-        # A `$schema` line at the top is what editors look for.
         values = tomllib.loads(text)
-        values.pop("$schema", None)
-        cards = msgspec.convert(_cleaned(values), type=Cards)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise FileError(f"{name} is not TOML ({plain(error)})", "see docs/cards.md for an example") from error
+    values.pop("$schema", None)  # the first line, where editors look for it
+    return cards_from(values, name)
+
+
+def cards_from(values: Mapping[str, Any], name: str) -> Cards:
+    """Return the cards that plain values describe, checked.
+
+    Parameters
+    ----------
+    values : mapping
+        Any of the tables ``object``, ``hand``, ``trial``.
+    name : str
+        The name of the card in error messages.
+
+    Raises
+    ------
+    FileError
+        An unknown or wrong field, or values that contradict each other; the message names the field.
+    """
+    try:
+        cards = msgspec.convert(_cleaned(values), type=Cards)
     except msgspec.ValidationError as error:
-        raise FileError(f"{name}: {_sentence(error)}", "see docs/cards.md for every field") from error
-    problems = contradictions(cards)
-    if problems:
-        raise FileError(f"{name}: {problems[0]}", "see docs/cards.md for every field")
-    return cards
+        problem = _sentence(error)
+    except RecursionError:
+        problem = "nested too deeply"
+    else:
+        problem = next(iter(contradictions(cards)), "")
+        if not problem:
+            return cards
+    raise FileError(f"{name}: {problem}", "see docs/cards.md for every field")
 
 
 def load_cards(path: Path) -> Cards:
-    """Read a card file.
+    """Return the cards in a file.
 
     Raises
     ------
@@ -222,18 +245,17 @@ def load_cards(path: Path) -> Cards:
 
 
 def card_values(cards: Cards) -> dict[str, dict[str, Any]]:
-    """Turn cards into plain values (for JSON or TOML), only what is set, in the order of the types."""
-    plain_values: dict[str, dict[str, Any]] = msgspec.to_builtins(cards)
-    return {table: _without_none(values) for table, values in plain_values.items() if _without_none(values)}
+    """Return cards as plain values (for JSON or TOML): only what is set, in the order of the types."""
+    return {table: known for table, values in msgspec.to_builtins(cards).items() if (known := _known(values))}
 
 
 def dump_cards(cards: Cards) -> str:
-    """Write cards as TOML; :func:`parse_cards` gives the same cards back."""
+    """Return cards as TOML; :func:`parse_cards` reads the same cards from it."""
     return tomli_w.dumps(card_values(cards), multiline_strings=False)
 
 
 def merged(first: Cards, second: Cards) -> Cards:
-    """Fill what ``first`` leaves out from ``second``."""
+    """Return ``first``, with what it leaves out from ``second``."""
     return Cards(
         _filled(first.object, second.object), _filled(first.hand, second.hand), _filled(first.trial, second.trial)
     )
@@ -246,18 +268,12 @@ def _filled(first: _Card, second: _Card) -> _Card:
 
 
 def missing_fields(cards: Cards) -> tuple[str, ...]:
-    """List the required fields that are not set (``object.mass_g``), in the order of :data:`REQUIRED`."""
-    missing = []
-    for field in REQUIRED:
-        table, name = field.split(".")
-        value = getattr(getattr(cards, table), name)
-        if value is None or value == "":
-            missing.append(field)
-    return tuple(missing)
+    """Return the required fields that are not set (``object.mass_g``), in the order of :data:`REQUIRED`."""
+    return tuple(field for field in REQUIRED if attrgetter(field)(cards) in (None, ""))
 
 
 def contradictions(cards: Cards) -> tuple[str, ...]:
-    """Find what cannot be true: sizes that do not describe the type, weights heavier than the object, and the like."""
+    """Return what cannot be true: sizes that do not describe the type, weights heavier than the object, ..."""
     card, found = cards.object, []
     if card.dimensions is not None and card.type is not None:
         given = {k for k, v in msgspec.structs.asdict(card.dimensions).items() if v is not None}
@@ -282,7 +298,7 @@ def contradictions(cards: Cards) -> tuple[str, ...]:
 
 
 def cards_schema() -> dict[str, Any]:
-    """Build the JSON Schema (2020-12) of a card file."""
+    """Return the JSON Schema (2020-12) of a card file."""
     schema = msgspec.json.schema(Cards)
     reference = schema.pop("$ref").rsplit("/", 1)[1]
     body = schema["$defs"].pop(reference)
@@ -297,10 +313,10 @@ def cards_schema() -> dict[str, Any]:
 
 
 def _cleaned(value: Any) -> Any:  # noqa: ANN401 - whatever TOML holds
-    """Take control characters out of every text; lines of a comment stay lines."""
+    """Return values with no control characters in any text; lines of a comment stay lines."""
     if isinstance(value, str):
         return "\n".join(plain(line, 10 * MAX_COMMENT) for line in value.split("\n"))
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: _cleaned(item) for key, item in value.items()}
     if isinstance(value, list):
         return [_cleaned(item) for item in value]
@@ -309,16 +325,14 @@ def _cleaned(value: Any) -> Any:  # noqa: ANN401 - whatever TOML holds
     return value
 
 
-def _without_none(value: Any) -> Any:  # noqa: ANN401 - whatever a card holds
-    if isinstance(value, dict):
-        return {key: _without_none(item) for key, item in value.items() if item is not None}
-    if isinstance(value, list | tuple):
-        return [_without_none(item) for item in value]
-    return value
+def _known(values: dict[str, Any]) -> dict[str, Any]:
+    return {
+        name: _known(value) if isinstance(value, dict) else value for name, value in values.items() if value is not None
+    }
 
 
 def _sentence(error: msgspec.ValidationError) -> str:
-    """Turn ``Expected `float`, got `str` - at `$.object.mass_g``` round: field first, no back-ticks."""
+    """Return ``Expected `float`, got `str` - at `$.object.mass_g``` with the field first and no back-ticks."""
     what, _, where = plain(error).replace("`", "").partition(" - at ")
     what = what.replace(" | null", "")
     what = (what[:1].lower() + what[1:]).replace("expected float", "expected a number")

@@ -1,4 +1,4 @@
-"""Which cards belong to a recording, and what the object says of itself."""
+"""The cards that belong to a recording: from files, and from what the object reports about itself."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from pathlib import Path
 
 from firmware_protocol.packets import Info, ObjectShape
 from host.cards.definitions import (
+    SIZE_KEYS,
     Cards,
     Dimensions,
-    HandCard,
     ObjectCard,
     ObjectType,
-    TrialCard,
     Weight,
     load_cards,
     merged,
@@ -22,7 +21,7 @@ from host.errors import FileError
 from host.text import plain
 
 CARD_FILES = ("cards.toml", "object.toml", "hand.toml", "trial.toml")
-"""Names looked for beside a recording and in the folder above, after ``<name of the recording>.toml``."""
+"""Files looked for beside a recording and in the folder above, after ``<name of the recording>.toml``."""
 
 MASS_TOLERANCE_G = 0.05
 LENGTH_TOLERANCE_MM = 0.05
@@ -41,25 +40,23 @@ class FoundCards:
     """Cards of a recording and where they came from."""
 
     cards: Cards
-    """Everything that was found, together."""
+    """The fields of all files together."""
     files: tuple[Path, ...]
     """The files, the most specific first."""
-    notes: tuple[str, ...] = ()
-    """What to tell: fields the object filled in, and contradictions between card and object."""
 
 
 def find_cards(recording: Path, given: tuple[Path, ...] = ()) -> FoundCards:
-    """Collect the cards of a recording.
+    """Return the cards of a recording.
 
     The order is: the files given, ``<stem>.toml`` beside the recording, :data:`CARD_FILES` beside it, the same in the
-    folder above. A field is taken from the first file that has it.
+    folder above. Each field comes from the first file that has it.
 
     Parameters
     ----------
     recording : Path
         The recording.
-    given : tuple of Path
-        Card files named by the user; they must exist.
+    given : tuple of Path, optional
+        Card files that the user named; they must exist.
 
     Raises
     ------
@@ -81,36 +78,31 @@ def find_cards(recording: Path, given: tuple[Path, ...] = ()) -> FoundCards:
 
 
 def card_of_object(info: Info) -> ObjectCard:
-    """Turn what the object tells over the link (INFO) into a card; what it does not know stays out."""
-    said = info.card
-    size = said.size_mm
-    dimensions = None
-    if said.shape in {ObjectShape.CUBE, ObjectShape.OTHER} and _known(*size):
-        dimensions = Dimensions(x_mm=_round(size[0]), y_mm=_round(size[1]), z_mm=_round(size[2]))
-    elif said.shape == ObjectShape.CYLINDER and _known(*size[:2]):
-        dimensions = Dimensions(diameter_mm=_round(size[0]), length_mm=_round(size[1]))
-    elif said.shape == ObjectShape.SPHERE and _known(size[0]):
-        dimensions = Dimensions(diameter_mm=_round(size[0]))
-    known_mass = _known(said.mass_g) and said.mass_g > 0
+    """Return what the object reports about itself (INFO) as a card; what it does not know is left out."""
+    sent = info.card
+    kind = _SHAPES.get(sent.shape)
+    keys = () if kind is None else SIZE_KEYS[kind]
+    size = dict(zip(keys, map(_round, sent.size_mm), strict=False))
+    known_mass = _known(sent.mass_g)
     return ObjectCard(
-        type=_SHAPES.get(said.shape),
-        dimensions=dimensions,
-        surface=plain(said.surface) or None,
-        mass_g=_round(said.mass_g) if known_mass else None,
-        com_mm=(_round(said.com_mm[0]), _round(said.com_mm[1]), _round(said.com_mm[2]))
-        if all(map(math.isfinite, said.com_mm))
+        type=kind,
+        dimensions=Dimensions(**size) if size and _known(*sent.size_mm[: len(keys)]) else None,
+        surface=plain(sent.surface) or None,
+        mass_g=_round(sent.mass_g) if known_mass else None,
+        com_mm=(_round(sent.com_mm[0]), _round(sent.com_mm[1]), _round(sent.com_mm[2]))
+        if all(map(math.isfinite, sent.com_mm))
         else None,
-        weights=tuple(Weight(weight.slot, _round(weight.mass_g)) for weight in said.weights) if known_mass else None,
-        mounting_q_body_sensor=_mounting(said.mounting_q_body_sensor),
+        weights=tuple(Weight(weight.slot, _round(weight.mass_g)) for weight in sent.weights) if known_mass else None,
+        mounting_q_body_sensor=_mounting(sent.mounting_q_body_sensor),
         id=f"{info.device_id:016x}",
         name=plain(info.name) or None,
     )
 
 
 def with_object(cards: Cards, info: Info | None) -> tuple[Cards, tuple[str, ...]]:
-    """Fill the object card with what the object said, and compare the two.
+    """Return cards completed by what the object reports, and notes on both.
 
-    The file wins, because a person measured it; the difference is said.
+    Where card and object differ the card counts, because a person measured it, and a note names the difference.
 
     Returns
     -------
@@ -119,10 +111,10 @@ def with_object(cards: Cards, info: Info | None) -> tuple[Cards, tuple[str, ...]
     """
     if info is None:
         return cards, ()
-    said = card_of_object(info)
+    reported = card_of_object(info)
     notes, filled = [], []
     for name in ObjectCard.__struct_fields__:
-        from_card, from_object = getattr(cards.object, name), getattr(said, name)
+        from_card, from_object = getattr(cards.object, name), getattr(reported, name)
         if from_object is None:
             continue
         if from_card is None:
@@ -134,10 +126,11 @@ def with_object(cards: Cards, info: Info | None) -> tuple[Cards, tuple[str, ...]
             )
     if filled:
         notes.append(f"told by the object itself: {', '.join('object.' + name for name in filled)}")
-    return merged(cards, Cards(said, HandCard(), TrialCard())), tuple(notes)
+    return merged(cards, Cards(reported)), tuple(notes)
 
 
 def _agree(name: str, one: object, other: object) -> bool:
+    """Return whether two values of a field are the same but for rounding."""
     if isinstance(one, Dimensions) and isinstance(other, Dimensions):
         pairs = [(getattr(one, key), getattr(other, key)) for key in Dimensions.__struct_fields__]
         return all(a == b or bool(a and b and abs(a - b) <= LENGTH_TOLERANCE_MM) for a, b in pairs)
@@ -159,7 +152,7 @@ def _agree(name: str, one: object, other: object) -> bool:
 
 
 def _mounting(q_wxyz: tuple[float, float, float, float]) -> tuple[float, float, float, float] | None:
-    """As sent; None where it is the identity, which objects also send when they do not know."""
+    """Return the mounting as sent; None for the identity, which objects also send when they do not know it."""
     if not all(map(math.isfinite, q_wxyz)) or abs(math.hypot(*q_wxyz) - 1.0) > 1e-2 or abs(q_wxyz[0]) > 1.0 - 1e-9:
         return None
     w, x, y, z = (round(part, 7) for part in q_wxyz)

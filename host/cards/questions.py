@@ -1,14 +1,14 @@
-"""Asking for the cards in the terminal, one field at a time."""
+"""Questions for the cards in the terminal, one field at a time."""
 
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import msgspec
-import tomli_w
 
 from host.cards.definitions import (
     CHOICES,
@@ -18,24 +18,26 @@ from host.cards.definitions import (
     Cards,
     ObjectType,
     card_values,
+    cards_from,
     choices,
-    parse_cards,
 )
 from host.errors import FileError
 
 Ask = Callable[[str], str]
 """Shows a prompt, returns the line typed; raises EOFError at the end of the input."""
 Say = Callable[[str], None]
+Values = dict[str, dict[str, Any]]
+"""Table -> field -> value, as TOML has them."""
 
 INTRODUCTION = """\
-Enter keeps what stands in [brackets] or leaves the field out; `-` takes a
-value out; Ctrl-D ends without writing. Fields marked * are asked for by the
+Enter keeps the value in [brackets], or leaves the field out; `-` removes a
+value; Ctrl-D ends without writing. Fields marked * are asked for by the
 benchmark card. Leave out what you do not know: nothing is invented.
 """
 
 
 def ask_for_cards(known: Cards, tables: tuple[str, ...], ask: Ask, say: Say) -> Cards:
-    """Ask for every field of some cards, check each answer at once, and ask again where it is wrong.
+    """Return cards from questions about every field; each answer is checked at once, and asked for again if wrong.
 
     Parameters
     ----------
@@ -46,102 +48,93 @@ def ask_for_cards(known: Cards, tables: tuple[str, ...], ask: Ask, say: Say) -> 
     ask, say : callable
         The terminal.
 
-    Returns
-    -------
-    Cards
-        The defaults with the answers.
-
     Raises
     ------
     EOFError
         The input ended.
     """
-    values: dict[str, dict[str, Any]] = card_values(known)
+    questions = _Questions(card_values(known), ask, say)
     say(INTRODUCTION)
     for table in tables:
         say(f"[{table}]")
         for field in msgspec.structs.fields(TABLES[table]):
-            if field.name == "type_note" and values.get(table, {}).get("type") != ObjectType.OTHER.value:
-                continue
-            if field.name == "dimensions":
-                _ask_size(values, ask, say)
-            elif field.name == "weights":
-                _ask_field(values, table, field.name, "slot:grams, e.g. 1:20, 4:20 (none: empty object)", ask, say)
+            questions.ask_field(table, field.name)
+    return cards_from(questions.values, "this")
+
+
+@dataclass
+class _Questions:
+    """The answers so far, and the terminal that gives more; the answers are valid cards at any time."""
+
+    values: Values
+    ask: Ask
+    say: Say
+
+    def ask_field(self, table: str, name: str) -> None:
+        """Ask for one field, if the answers so far leave it open."""
+        given = self.values.get(table, {})
+        if name == "dimensions":
+            self._ask_size()
+        elif name == "weights":
+            self._ask(
+                table, name, "slot:grams, e.g. 1:20, 4:20 (none: empty object)", _shown(given.get(name)), _weights
+            )
+        elif name != "type_note" or given.get("type") == ObjectType.OTHER.value:
+            place, what = f"{table}.{name}", _description(TABLES[table], name)
+            what += f": {choices(place)}" if place in CHOICES else ""
+            self._ask(table, name, what, _shown(given.get(name)), partial(_parsed, name))
+
+    def _ask_size(self) -> None:
+        given = self.values.get("object", {})
+        if "type" not in given:
+            self.say("  (the size is asked for once the type is known)")
+            return
+        keys = SIZE_KEYS[ObjectType(given["type"])]
+        names = ", ".join(key.removesuffix("_mm") for key in keys)
+        size = given.get("dimensions", {})  # of this type: `_set` drops any other
+        default = " ".join(f"{size[key]:g}" for key in keys if key in size)
+        self._ask("object", "dimensions", f"{names}, mm", default, partial(_size, keys, names))
+
+    def _ask(self, table: str, name: str, what: str, default: str, parse: Callable[[str], object]) -> None:
+        """Ask until the answer is valid, empty (keep the default) or ``-`` (remove it)."""
+        star = "*" * (f"{table}.{name}" in REQUIRED)
+        prompt = f"  {name}{star} ({what}){f' [{default}]' if default else ''}: "
+        while answer := self.ask(prompt).strip():
+            if answer == "-":
+                self.values.get(table, {}).pop(name, None)
+                return
+            try:
+                self._set(table, name, parse(answer))
+            except ValueError as error:
+                self.say(f"  {error}")
+            except FileError as error:
+                self.say(f"  {error.message.removeprefix('this: ')}")
             else:
-                what = _description(TABLES[table], field.name)
-                place = f"{table}.{field.name}"
-                _ask_field(
-                    values, table, field.name, f"{what}: {choices(place)}" if place in CHOICES else what, ask, say
-                )
-    return _checked(values)
+                return
+
+    def _set(self, table: str, name: str, value: object) -> None:
+        """Set a field, or raise and leave everything as it was."""
+        changed = {key: dict(fields) for key, fields in self.values.items()}
+        fields = changed.setdefault(table, {})
+        fields[name] = value
+        if name == "type" and not any(
+            kind.value == value and set(fields.get("dimensions", ())) == set(keys) for kind, keys in SIZE_KEYS.items()
+        ):
+            fields.pop("dimensions", None)  # they describe another type
+        cards_from(changed, "this")
+        self.values = changed
 
 
-def _ask_size(values: dict[str, dict[str, Any]], ask: Ask, say: Say) -> None:
-    kind = values.get("object", {}).get("type")
-    if kind is None:
-        say("  (the size is asked for once the type is known)")
-        return
-    keys = SIZE_KEYS[ObjectType(kind)]
-    old = values["object"].get("dimensions", {})
-    default = " ".join(f"{old[key]:g}" for key in keys if key in old) if set(old) == set(keys) else ""
-    names = ", ".join(key.removesuffix("_mm") for key in keys)
-    while True:
-        answer = ask(_prompt("dimensions", f"{names}, mm", default, required=True)).strip()
-        if not answer:
-            if set(old) != set(keys):
-                values["object"].pop("dimensions", None)  # they belong to another type
-            return
-        if answer == "-":
-            values["object"].pop("dimensions", None)
-            return
-        numbers = _bare(answer, "mm").replace(",", " ")
-        parts = re.sub(r"(?<=[\d. ])[x×*](?=[\d. ])", " ", numbers).split()  # 60x60 and 60 x 60
-        try:
-            if len(parts) != len(keys):
-                raise ValueError(f"give {len(keys)} number{'s' if len(keys) > 1 else ''}: {names}")
-            size = {key: _number(part) for key, part in zip(keys, parts, strict=True)}
-            _try(values, "object", "dimensions", size)
-        except (ValueError, FileError) as error:
-            say(f"  {_why(error)}")
-            continue
-        return
-
-
-def _ask_field(values: dict[str, dict[str, Any]], table: str, name: str, what: str, ask: Ask, say: Say) -> None:
-    old = values.get(table, {}).get(name)
-    while True:
-        answer = ask(_prompt(name, what, _shown(old), required=f"{table}.{name}" in REQUIRED)).strip()
-        if not answer:
-            return
-        if answer == "-":
-            values.get(table, {}).pop(name, None)
-            return
-        try:
-            _try(values, table, name, _parsed(name, answer))
-        except (ValueError, FileError) as error:
-            say(f"  {_why(error)}")
-            continue
-        return
-
-
-def _try(values: dict[str, dict[str, Any]], table: str, name: str, value: object) -> None:
-    """Set a field, or raise and leave everything as it was."""
-    trial = {key: dict(fields) for key, fields in values.items()}
-    trial.setdefault(table, {})[name] = value
-    if name == "type":
-        trial[table].pop("dimensions", None)  # checked together; kept where they still fit
-        kept = values.get(table, {}).get("dimensions", {})
-        if any(kind.value == value and set(kept) == set(keys) for kind, keys in SIZE_KEYS.items()):
-            trial[table]["dimensions"] = kept
-    _checked(trial)
-    values.clear()
-    values.update(trial)
+def _size(keys: tuple[str, ...], names: str, answer: str) -> dict[str, float]:
+    numbers = _bare(answer, "mm").replace(",", " ")
+    parts = re.sub(r"(?<=[\d. ])[x×*](?=[\d. ])", " ", numbers).split()  # 60x60 and 60 x 60
+    if len(parts) != len(keys):
+        raise ValueError(f"give {len(keys)} number{'s' * (len(keys) > 1)}: {names}")
+    return {key: _number(part) for key, part in zip(keys, parts, strict=True)}
 
 
 def _parsed(name: str, answer: str) -> object:
-    """Read an answer as the type of its field."""
-    if name == "weights":
-        return _weights(answer)
+    """Return an answer as a value of its field's type."""
     if name in {"com_mm", "mounting_q_body_sensor"}:
         return [_number(part) for part in _bare(answer, "mm").replace(",", " ").strip("()[] ").split()]
     if name.endswith(("_g", "_mm", "_hz")):
@@ -167,7 +160,7 @@ def _weights(answer: str) -> list[dict[str, float | int]]:
 
 
 def _bare(text: str, unit: str) -> str:
-    """Take off the unit that the question names, where it was typed all the same."""
+    """Return a text without the unit that the question names already."""
     return re.sub(rf"(?<=[\d.)\] ]){unit}$", "", text.strip(), flags=re.IGNORECASE).strip()
 
 
@@ -178,18 +171,10 @@ def _number(text: str) -> float:
         raise ValueError(f"{text.strip()!r} is not a number") from error
 
 
-def _checked(values: dict[str, dict[str, Any]]) -> Cards:
-    return parse_cards(tomli_w.dumps(values), "this")
-
-
 def _description(card: type[msgspec.Struct], name: str) -> str:
     schema = msgspec.json.schema(card)
     properties: dict[str, Any] = schema["$defs"][card.__name__]["properties"][name]
     return str(properties.get("description", name))
-
-
-def _prompt(name: str, what: str, default: str, *, required: bool) -> str:
-    return f"  {name}{'*' if required else ''} ({what}){f' [{default}]' if default else ''}: "
 
 
 def _shown(value: object) -> str:
@@ -204,33 +189,21 @@ def _shown(value: object) -> str:
     return str(value)
 
 
-def _why(error: Exception) -> str:
-    if isinstance(error, FileError):
-        return error.message.removeprefix("this: ")
-    return str(error)
-
-
 def template() -> str:
-    """Write a card file to fill in: every field, commented out, with what it means."""
+    """Return a card file to fill in: every field, commented out, with its meaning."""
     lines = [
         "# Cards for rotdrift. Take the # from what you know; leave the rest. `*`: asked for by the benchmark card."
     ]
-    examples = tomllib.loads(_EXAMPLES)
-    for table, card in TABLES.items():
-        lines += ["", f"[{table}]"]
-        for field in msgspec.structs.fields(card):
-            star = " *" if f"{table}.{field.name}" in REQUIRED else ""
-            lines.append(f"# {_description(card, field.name)}{star}")
-            lines.append(f"#{field.name} = {_toml(examples[table][field.name])}")
+    table = ""
+    for line in _EXAMPLES.splitlines():
+        if line.startswith("["):
+            table = line.strip("[]")
+            lines += ["", line]
+            continue
+        name = line.partition(" = ")[0]
+        star = " *" if f"{table}.{name}" in REQUIRED else ""
+        lines += [f"# {_description(TABLES[table], name)}{star}", f"#{line}"]
     return "\n".join(lines) + "\n"
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
-    return f'"{value}"' if isinstance(value, str) else str(value)
 
 
 _EXAMPLES = """\

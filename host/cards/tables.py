@@ -21,7 +21,7 @@ _LABELS = {
 
 
 def card_tables(cards: Cards) -> tuple[CardTable, ...]:
-    """Lay out the three cards, every field, also those not given."""
+    """Return the three cards as tables of all fields, also those not given."""
     tables = []
     for table, card in TABLES.items():
         values = getattr(cards, table)
@@ -37,7 +37,7 @@ def card_tables(cards: Cards) -> tuple[CardTable, ...]:
 
 
 def object_name(cards: Cards) -> str:
-    """Name the object by type and size: ``cube 60 × 60 × 60 mm``."""
+    """Return the name of the object by type and size: ``cube 60 × 60 × 60 mm``."""
     card = cards.object
     if card.type is None:
         return card.name or "unknown object"
@@ -46,12 +46,12 @@ def object_name(cards: Cards) -> str:
 
 
 def hand_name(cards: Cards) -> str:
-    """Name the hand by its model."""
+    """Return the name of the hand, its model."""
     return cards.hand.model or "unknown hand"
 
 
 def motion_name(cards: Cards) -> str:
-    """Name the manipulation motion."""
+    """Return the name of the manipulation motion."""
     return cards.trial.motion or "unknown motion"
 
 

@@ -1,1 +1,1 @@
-"""What ``rotdrift doctor`` looks at: the machine, and a link."""
+"""The checks of ``rotdrift doctor``: the machine, and a link."""

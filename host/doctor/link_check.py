@@ -1,4 +1,4 @@
-"""What ``rotdrift doctor LINK`` finds on a link: a handshake, and some seconds of what a capture would see."""
+"""The link check of ``rotdrift doctor LINK``: a handshake, then a capture of some seconds."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ MAX_SKEW_PPM = 200.0
 
 
 def check_link(link: str, seconds: float = SECONDS, stop: threading.Event | None = None) -> list[Finding]:
-    """Open a link and capture for some seconds, into a recording that is thrown away.
+    """Open a link, capture for some seconds into a temporary recording, and return what was found.
 
     Parameters
     ----------
     link : str
-        URI.
-    seconds : float
-        How long, from the first sample.
+        Link URI.
+    seconds : float, optional
+        Duration, from the first sample.
     stop : threading.Event, optional
-        Ends it early.
+        Ends the capture early when set.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def check_link(link: str, seconds: float = SECONDS, stop: threading.Event | None
     try:
         transport = open_transport(link)
     except HostError as error:
-        return [Finding("link", Verdict.BAD, plain(error.message, 300), plain(error.remedy, 300))]
+        return [_failed("link", error)]
     trial = Trial()
     with tempfile.TemporaryDirectory(prefix="rotdrift-doctor-") as folder:
         writer = RecordingWriter(Path(folder) / "check.mcap", transport.name, time.time_ns(), time.monotonic_ns())
@@ -55,42 +55,57 @@ def check_link(link: str, seconds: float = SECONDS, stop: threading.Event | None
 
 
 def _judged_capture(trial: Trial, outcome: CaptureOutcome) -> list[Finding]:
-    found = [_handshake(trial)]
-    if trial.assembler.segments:
-        view = trial.state(time.monotonic_ns(), outcome.elapsed_s, LinkView(), ()).link
-        losses, info, values = view.losses, trial.assembler.info, trial.clock_values() or {}
-        rate_hz = (losses.received - 1) / outcome.elapsed_s if outcome.elapsed_s > 0 else 0.0
-        promised = None if info is None else float(info.rate_hz)
-        close = promised is None or abs(rate_hz - promised) <= RATE_TOLERANCE * promised + 2 / max(outcome.elapsed_s, 1)
-        wanted = "" if promised is None else f" ({promised:.0f} promised)"
-        found.append(
-            judged("rate", f"{rate_hz:.1f} Hz{wanted}", good=close, remedy="samples are lost, or the object is busy")
-        )
-        p99 = values.get("jitter_p99_ms")
-        p50 = values.get("jitter_p50_ms")
-        if p99 is not None and p50 is not None:
-            remedy = "a latency timer, a hub or a busy machine: end points are timed by the object's clock all the same"
-            found.append(judged("jitter", f"p50 {p50:.2f} ms, p99 {p99:.2f} ms", good=p99 <= MAX_JITTER_MS, remedy=remedy))
-        parts = f"{losses.lost} lost on the link, {losses.rejected} damaged, {losses.dropped} dropped by the object"
-        found.append(
-            judged(
-                "losses",
-                f"{losses.missing} of {losses.produced} samples ({parts})",
-                good=losses.share <= LOSS_LIMIT,
-                remedy="try another cable and port, a lower rate, no hub",
-                verdict=Verdict.BAD,
-            )
-        )
-        found.append(_skew(trial.clock_estimate))
-        width_ms = values.get("offset_uncertainty_ms")
-        if width_ms is not None:
-            found.append(Finding("clock offset", Verdict.INFO, f"known within {width_ms:.2f} ms"))
+    found = [_handshake(trial), *(_measured(trial, outcome) if trial.assembler.segments else ())]
     found += [Finding("warning", Verdict.DOUBTFUL, plain(sentence, 300)) for sentence in outcome.warnings]
     if outcome.error is not None:
-        found.append(Finding("capture", Verdict.BAD, plain(outcome.error.message, 300), plain(outcome.error.remedy, 300)))
+        found.append(_failed("capture", outcome.error))
     elif not trial.assembler.segments:
         found.append(Finding("capture", Verdict.BAD, f"no sample came ({outcome.reason})", "wait until it streams"))
     return found
+
+
+def _failed(topic: str, error: HostError) -> Finding:
+    return Finding(topic, Verdict.BAD, plain(error.message, 300), plain(error.remedy, 300))
+
+
+def _measured(trial: Trial, outcome: CaptureOutcome) -> list[Finding]:
+    """Return what the samples of a capture show: rate, jitter, losses and clock."""
+    losses = trial.state(time.monotonic_ns(), outcome.elapsed_s, LinkView(), ()).link.losses
+    values = trial.clock_values() or {}
+    found = [_rate(trial, losses.received, outcome.elapsed_s)]
+    p99, p50 = values.get("jitter_p99_ms"), values.get("jitter_p50_ms")
+    if p99 is not None and p50 is not None:
+        remedy = "a latency timer, a hub or a busy machine: end points are timed by the object's clock all the same"
+        text = f"p50 {p50:.2f} ms, p99 {p99:.2f} ms"
+        found.append(judged("jitter", text, good=p99 <= MAX_JITTER_MS, remedy=remedy))
+    parts = f"{losses.lost} lost on the link, {losses.rejected} damaged, {losses.dropped} dropped by the object"
+    found += [
+        judged(
+            "losses",
+            f"{losses.missing} of {losses.produced} samples ({parts})",
+            good=losses.share <= LOSS_LIMIT,
+            remedy="try another cable and port, a lower rate, no hub",
+            verdict=Verdict.BAD,
+        ),
+        _skew(trial.clock_estimate),
+    ]
+    width_ms = values.get("offset_uncertainty_ms")
+    if width_ms is not None:
+        found.append(Finding("clock offset", Verdict.INFO, f"known within {width_ms:.2f} ms"))
+    return found
+
+
+def _rate(trial: Trial, received: int, elapsed_s: float) -> Finding:
+    """Compare the rate with the one that the object promised, as far as so short a time can show it."""
+    rate_hz = (received - 1) / elapsed_s if elapsed_s > 0 else 0.0
+    info = trial.assembler.info
+    if info is None:
+        return Finding("rate", Verdict.OK, f"{rate_hz:.1f} Hz")
+    promised = float(info.rate_hz)
+    # One sample more or less at either end is no difference.
+    good = abs(rate_hz - promised) <= RATE_TOLERANCE * promised + 2 / max(elapsed_s, 1)
+    text = f"{rate_hz:.1f} Hz ({promised:.0f} promised)"
+    return judged("rate", text, good=good, remedy="samples are lost, or the object is busy")
 
 
 def _handshake(trial: Trial) -> Finding:
@@ -110,7 +125,7 @@ def _handshake(trial: Trial) -> Finding:
 def _skew(estimate: ClockEstimate | None) -> Finding:
     if estimate is None or estimate.n_bins < 3:
         return Finding("clock skew", Verdict.INFO, "not known after so few seconds")
-    # What the link usually adds, over the time that was listened to: how far the line may be turned.
+    # The line of the clock lies below delays of up to about the median jitter: over the time seen, so far may it tilt.
     known_ppm = min(estimate.skew_uncertainty_ppm, 1e-3 * estimate.jitter_p50_ns / (estimate.n_bins - 1))
     text = f"{estimate.skew_ppm:+.0f} ppm, known within about {max(known_ppm, 1):.0f} ppm"
     if known_ppm > MAX_SKEW_PPM:

@@ -1,7 +1,6 @@
-"""What ``rotdrift doctor`` looks at without a link: versions, clock, disk, ports and what stands in their way.
+"""The machine check of ``rotdrift doctor``: versions, clock, disk, and ports with whatever blocks them.
 
-Everything that differs between systems takes the platform and the places to look at as arguments, so that every
-platform's findings are tested on one.
+Whatever differs between systems gets platform and folders as arguments, so that all platforms are tested on one.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ MAX_LATENESS_MS = 5.0
 
 
 def versions() -> list[Finding]:
-    """Name the versions of everything that matters."""
+    """Return the versions of rotdrift, Python and the libraries that matter."""
     found = []
     for name in LIBRARIES:
         try:
@@ -52,13 +51,13 @@ def versions() -> list[Finding]:
 
 
 def clock_source(sys_folder: Path = SYS, naps: int = 20) -> list[Finding]:
-    """Name the clock that stamps chunks, and measure how late this machine wakes up.
+    """Return which clock stamps chunks, and how late this machine wakes up.
 
     Parameters
     ----------
-    sys_folder : Path
-        ``/sys``; where it is none, the system's clock source is not known.
-    naps : int
+    sys_folder : Path, optional
+        ``/sys``; without it the system's clock source is not known.
+    naps : int, optional
         How often to sleep for a millisecond.
     """
     info = time.get_clock_info("monotonic")
@@ -91,14 +90,14 @@ def clock_source(sys_folder: Path = SYS, naps: int = 20) -> list[Finding]:
 
 
 def disk(folder: Path, n_bytes: int = DISK_BYTES) -> list[Finding]:
-    """Measure room and speed of the disk a recording would go to.
+    """Return free space and speed of the disk that a recording would go to.
 
     Parameters
     ----------
     folder : Path
-        Must exist.
-    n_bytes : int
-        How much to write and remove again.
+        An existing folder.
+    n_bytes : int, optional
+        How much to write; it is removed again.
     """
     try:
         free = shutil.disk_usage(folder).free
@@ -135,7 +134,7 @@ def disk(folder: Path, n_bytes: int = DISK_BYTES) -> list[Finding]:
 
 
 def can_interfaces(ports: Iterable[CanPort]) -> list[Finding]:
-    """Name every CAN interface and adapter, and how to bring one up that is down.
+    """Return every CAN interface and adapter, and how to bring one up that is down.
 
     Parameters
     ----------
@@ -157,18 +156,18 @@ def serial_ports(
     sys_folder: Path = SYS,
     may_open: Callable[[str], bool] | None = None,
 ) -> list[Finding]:
-    """Look at every serial port: who holds it, whether we may open it, and the latency timer of an FTDI adapter.
+    """Return the state of every serial port: its holders, whether we may open it, the latency timer of an FTDI adapter.
 
     Parameters
     ----------
     ports : iterable of SerialPort
         From :func:`host.links.serial.listing.list_serial_ports`.
-    system : str
+    system : str, optional
         ``sys.platform``.
-    sys_folder : Path
+    sys_folder : Path, optional
         ``/sys`` of Linux.
-    may_open : callable
-        Whether a device may be read and written.
+    may_open : callable, optional
+        Whether a device may be read and written; by default the system is asked.
     """
     may_open = may_open or (lambda device: os.access(device, os.R_OK | os.W_OK))
     found = []
@@ -195,7 +194,7 @@ def _linux_remedy(port: SerialPort) -> str:
 
 
 def _latency_timer(port: SerialPort, system: str, sys_folder: Path) -> Finding:
-    """Read how long an FTDI adapter keeps bytes: 16 ms unless told otherwise."""
+    """Return how long an FTDI adapter keeps bytes back: 16 ms unless set otherwise."""
     topic = f"{port.device} latency timer"
     if system == "win32":
         remedy = "Device Manager > port > Port Settings > Advanced > Latency Timer: 1"

@@ -1,7 +1,7 @@
-"""Looking for objects by listening: nothing is sent, so no other device is disturbed.
+"""Finding objects by listening: nothing is sent, so no other device is disturbed.
 
-An object says something at least once a second, streaming or not: STATUS. CAN links are opened to listen only, where an
-adapter knows that a wrong bit rate harms nobody; SocketCAN interfaces are as they were set up.
+An object sends STATUS at least once a second, streaming or not. CAN adapters are opened in listen-only mode where they
+have one, so that a wrong bit rate disturbs nobody; SocketCAN interfaces stay as they were set up.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from firmware_protocol.can.frames import CanFrame, FrameFlag
-from firmware_protocol.can.mapping import ALL_NODES, HOST_FUNCTIONS, CanFunction, split_id
+from firmware_protocol.can.mapping import ALL_NODES, CanFunction, split_id
 from firmware_protocol.packets import Info, OrientationBatch, Status
 from host.errors import HostError
 from host.links import open_transport
@@ -21,14 +21,11 @@ from host.links.uri import parse_link_uri
 from host.stream.decoding import Link
 
 LISTEN_S = 2.0
-_TELLING = frozenset({CanFunction.STATUS, CanFunction.ORIENTATION, CanFunction.SAMPLE_STATE, CanFunction.TIME})
+_SENT_BY_OBJECTS = frozenset({CanFunction.STATUS, CanFunction.ORIENTATION, CanFunction.SAMPLE_STATE, CanFunction.TIME})
 
 
 def objects_heard(link: str, listen_s: float = LISTEN_S) -> list[str]:
-    """Listen on a link; return the links of the objects heard, with their node ids on CAN.
-
-    A link that does not open, or where nothing of ours is said, has none.
-    """
+    """Return the links of the objects heard on a link, with their node ids on CAN; none where it does not open."""
     uri = parse_link_uri(link)
     if uri.scheme == "can":
         # On these, both kinds of frames are heard; elsewhere CAN FD would change how the adapter is set up.
@@ -49,14 +46,14 @@ def objects_heard(link: str, listen_s: float = LISTEN_S) -> list[str]:
                     found |= any(isinstance(item, OrientationBatch | Status | Info) for item in decoder.feed(chunk))
     except HostError:
         pass
-    joint = "&" if "?" in link else "?"
     if found:
         return [link]
+    joint = "&" if "?" in link else "?"
     return [f"{link}{joint}node={node}{'&fd=1' * is_fd}" for node, is_fd in sorted(nodes.items())]
 
 
 def objects_on(links: Sequence[str], listen_s: float = LISTEN_S) -> dict[str, list[str]]:
-    """Listen on several links at the same time."""
+    """Return :func:`objects_heard` of several links, listening on all at the same time."""
     found: dict[str, list[str]] = {}
 
     def listen(link: str) -> None:
@@ -71,10 +68,10 @@ def objects_on(links: Sequence[str], listen_s: float = LISTEN_S) -> dict[str, li
 
 
 def _object(frame: CanFrame) -> tuple[int, bool] | None:
-    """Give the node id of the object that sent a frame, and whether it sends whole packets in CAN FD frames."""
+    """Return the node id of the object that sent a frame, and whether it sends whole packets in CAN FD frames."""
     identity = split_id(frame.arbitration_id)
     if identity is None or frame.flags & (FrameFlag.EXTENDED | FrameFlag.REMOTE | FrameFlag.ERROR):
         return None
     whole_length = identity.whole_packet or len(frame.data) == 8
-    ours = identity.function in _TELLING and identity.function not in HOST_FUNCTIONS and whole_length
+    ours = identity.function in _SENT_BY_OBJECTS and whole_length
     return (identity.node, identity.whole_packet) if ours and identity.node != ALL_NODES else None

@@ -94,6 +94,7 @@ def test_no_weights_is_an_answer_but_no_answer_is_not():
         ("[object]\nmass_g = 10\nweights=[{slot=1, mass_g=20}]", "20 g together"),
         ("[object]\nweights=[{slot=1, mass_g=2}, {slot=1, mass_g=3}]", "same slot"),
         ("[object\n", "not TOML"),
+        (f"{'a.' * 2000}a = 1", "nested too deeply"),
         ("[hand]\nfingers = 2.5", "hand.fingers"),
     ],
 )
