@@ -11,8 +11,8 @@ import importlib
 import os
 import sys
 import traceback
-from collections.abc import Sequence
-from typing import NoReturn, Protocol, cast
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn, Protocol, cast
 
 from host.commands import COMMANDS
 from host.errors import HostError, unreadable
@@ -33,11 +33,14 @@ exit codes:  0 done   1 ran, but the result is not valid   2 wrong use
 class CommandModule(Protocol):
     """What a module in ``host/commands`` has."""
 
+    Options: Callable[..., Any]
+    """A frozen dataclass with a field for each argument."""
+
     def add_parser(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         """Declare the subcommand and its arguments."""
 
-    def run(self, args: argparse.Namespace) -> int:
-        """Do it; return the exit code."""
+    def run(self, args: Any) -> int:  # noqa: ANN401 - each module has Options of its own
+        """Run it with its Options; return the exit code."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -94,13 +97,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     except SystemExit as leaving:  # argparse leaves after --help, --version and errors
         return leaving.code if isinstance(leaving.code, int) else 0
+    values = vars(args)
+    command, debug = _command(values.pop("command")), values.pop("debug")
     try:
-        code = _command(args.command).run(args)
+        code = command.run(command.Options(**values))
         sys.stdout.flush()
     except HostError as error:
-        return _say(error, str(error), error.exit_code, args.debug)
+        return _report(error, str(error), error.exit_code, debug)
     except KeyboardInterrupt as error:
-        return _say(error, "interrupted", INTERRUPTED, args.debug)
+        return _report(error, "interrupted", INTERRUPTED, debug)
     except BrokenPipeError:
         # Whoever read our output has gone (`| head`); without this Python complains once more while it shuts down.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -114,9 +119,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             from host.text import plain
 
             refused = unreadable(plain(error.filename), error)
-            return _say(error, str(refused), refused.exit_code, args.debug)
+            return _report(error, str(refused), refused.exit_code, debug)
         message = f"a fault of rotdrift itself ({type(error).__name__}: {error}): run again with --debug and report it"
-        return _say(error, message, OWN_FAULT, args.debug)
+        return _report(error, message, OWN_FAULT, debug)
     return code
 
 
@@ -132,7 +137,7 @@ def _at_terminal() -> bool:
         return False
 
 
-def _say(error: BaseException, message: str, code: int, debug: bool) -> int:
+def _report(error: BaseException, message: str, code: int, debug: bool) -> int:
     if debug:
         traceback.print_exception(error, file=sys.stderr)
     print(f"rotdrift: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201

@@ -5,8 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from host.results import arguments
 
 if TYPE_CHECKING:
     from analysis.sensor.baseline import StaticBaseline
@@ -18,10 +21,18 @@ PERIODS_S = (2.0, 5.0, 10.0)
 CYCLES_SHOWN = 10
 
 
+@dataclass(frozen=True)
+class Options(arguments.ReadArguments):
+    """The arguments of the command."""
+
+    source: str
+    out: Path | None
+    duration: float | None
+    json: bool
+
+
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
-    from host.results.arguments import add_read_arguments
-
     parser = subparsers.add_parser(
         "baseline",
         help="measure the sensor at rest",
@@ -37,11 +48,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--duration", type=_seconds, metavar="S", help=f"how long to listen (default: {DEFAULT_DURATION_S:.0f} s)"
     )
-    add_read_arguments(parser)
+    arguments.add_read_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Measure, print, write.
 
     Raises
@@ -88,15 +99,14 @@ def _is_recording(path: Path) -> bool:
     return path.is_file() or path.is_dir()
 
 
-def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
+def _from_file(path: Path, args: Options) -> tuple[OrientationSeries, Sequence[float]]:
     from host.results.any_file import read_recording
-    from host.results.arguments import read_options
 
-    series, trial = read_recording(path, read_options(args))
+    series, trial = read_recording(path, arguments.read_options(args))
     return series, () if trial is None else trial.temperatures_c
 
 
-def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
+def _from_link(args: Options) -> tuple[OrientationSeries, Sequence[float]]:
     import tempfile
 
     from analysis.series import SeriesError

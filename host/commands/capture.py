@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,28 @@ if TYPE_CHECKING:
     from host.capture.run import FinishedCapture
     from host.results.result import ScoreOptions
     from host.screen.screens import Screen
+
+
+@dataclass(frozen=True)
+class Options:
+    """The arguments of the command."""
+
+    link: list[str]
+    cycles: int | None
+    duration: float | None
+    until: float | None
+    guide: bool
+    rest: float
+    bell: bool
+    ascii: bool
+    theme: str
+    plain: bool
+    out: Path | None
+    rate: int | None
+    baseline: Path | None
+    reconnect: float
+    debug_link: Path | None
+    json: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -58,7 +81,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Capture and score.
 
     Raises
@@ -118,7 +141,7 @@ def _print_files(finished: FinishedCapture) -> None:
 
 
 def _run_several(
-    args: argparse.Namespace, recording: Path, settings: CaptureSettings, screen: Screen, options: ScoreOptions
+    args: Options, recording: Path, settings: CaptureSettings, screen: Screen, options: ScoreOptions
 ) -> int:
     """Capture several objects at once, each with a recording of its own."""
     import json

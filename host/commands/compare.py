@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from analysis.reporting.comparison import Comparison
+
+
+@dataclass(frozen=True)
+class Options:
+    """The arguments of the command."""
+
+    sources: list[Path]
+    out: Path | None
+    mix: bool
+    force: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -28,7 +39,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--force", action="store_true", help="replace files that exist")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Compare.
 
     Raises

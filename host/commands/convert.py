@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+
+from host.results import arguments
 
 SUFFIXES = {".csv": "csv", ".tum": "tum", ".txt": "tum", ".parquet": "parquet", ".mat": "mat"}
 """What the name of the output says where ``--to`` is not given."""
 
 
+@dataclass(frozen=True)
+class Options(arguments.ReadArguments):
+    """The arguments of the command."""
+
+    file: Path
+    out: Path
+    to: str | None
+
+
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
-    from host.results.arguments import add_read_arguments
-
     parser = subparsers.add_parser(
         "convert",
         help="write a recording as CSV, TUM, parquet, .mat, ROS 2 bag",
@@ -32,10 +42,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         choices=("csv", "endpoints", "tum", "parquet", "mat", "ros2", "kit"),
         help="format (default: by the name of OUT)",
     )
-    add_read_arguments(parser)
+    arguments.add_read_arguments(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Read, score where the format holds end points, write.
 
     Raises
@@ -49,14 +59,13 @@ def run(args: argparse.Namespace) -> int:
     from analysis.formats.errors import WriterError
     from host.errors import FileError, UsageError, unwritable
     from host.results.any_file import read_recording, score_recording
-    from host.results.arguments import read_options
 
     kind = args.to or SUFFIXES.get(args.out.suffix.lower())
     if kind is None:
         raise UsageError(
             f"the name {args.out.name} does not say a format", f"choose one with --to {{{','.join(FORMATS)}}}"
         )
-    reading = read_options(args)
+    reading = arguments.read_options(args)
     result = None
     if kind in {"endpoints", "mat"}:
         scored = score_recording(args.file, None, reading)

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from analysis.scoring.trial_score import TrialScore
+
+
+@dataclass(frozen=True)
+class Options:
+    """The arguments of the command."""
+
+    cycles: int
+    scenario: str
+    fast: bool
+    out: Path | None
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -27,7 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--out", type=Path, metavar="FILE", help="recording to write (default: rotdrift-trials/DATE)")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Run the demonstration.
 
     Raises

@@ -5,11 +5,22 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from host.doctor.findings import Finding
+
+
+@dataclass(frozen=True)
+class Options:
+    """The arguments of the command."""
+
+    link: str | None
+    seconds: float
+    folder: Path
+    json: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -31,7 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--json", action="store_true", help="print the findings as a JSON list, and nothing else")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Check machine and link.
 
     Raises

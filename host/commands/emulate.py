@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,20 @@ if TYPE_CHECKING:
     from queue import SimpleQueue
 
     from emulator.faults.definitions import LiveFault
+
+
+@dataclass(frozen=True)
+class Options:
+    """The arguments of the command."""
+
+    scenario: str
+    link: str | None
+    truth: str | None
+    duration: float | None
+    seed: int | None
+    faults_from_stdin: bool
+    until_stdin_ends: bool
+    list: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -45,7 +60,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--list", action="store_true", help="list the scenarios")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Run the virtual object until it is stopped.
 
     Raises

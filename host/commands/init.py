@@ -4,11 +4,24 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from host.cards.definitions import Cards
+
+
+@dataclass(frozen=True)
+class Options:
+    """The arguments of the command."""
+
+    folder: str
+    card: list[str] | None
+    source: str | None
+    template: bool
+    schema: bool
+    force: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -33,7 +46,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--force", action="store_true", help="replace cards that exist")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Ask, check, write ``object.toml``, ``hand.toml`` and ``trial.toml``.
 
     Raises

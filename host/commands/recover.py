@@ -5,7 +5,17 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Options:
+    """The arguments of the command."""
+
+    source: Path
+    target: Path
+    json: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -23,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--json", action="store_true", help="print what was found as one JSON object")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Recover a recording.
 
     Raises

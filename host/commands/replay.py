@@ -4,7 +4,20 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Options:
+    """The arguments of the command."""
+
+    file: Path
+    speed: float
+    ascii: bool
+    theme: str
+    plain: bool
+    json: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -24,7 +37,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Replay and score.
 
     Raises

@@ -4,18 +4,32 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from host.results import arguments
 
 if TYPE_CHECKING:
     from host.submission.contents import BuiltSubmission
     from host.submission.source import TrialSource
 
 
+@dataclass(frozen=True)
+class Options(arguments.ReadArguments, arguments.WindowArguments):
+    """The arguments of the command."""
+
+    trials: list[Path]
+    out: Path
+    cards: list[Path]
+    title: str | None
+    force: bool
+    endpoints: str | None
+    baseline: Path | None
+
+
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
-    from host.results.arguments import add_read_arguments, add_window_arguments
-
     parser = subparsers.add_parser(
         "report",
         help="write a submission: report, figures, data, summary",
@@ -41,12 +55,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--title", metavar="TEXT", help="title of the report")
     parser.add_argument("--force", action="store_true", help="replace the file that exists")
     parser.add_argument("--endpoints", metavar="ROWS|FILE", help="end points chosen by hand (one trial only)")
-    add_window_arguments(parser, " (one trial only)")
+    arguments.add_window_arguments(parser, " (one trial only)")
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
-    add_read_arguments(parser)
+    arguments.add_read_arguments(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Score, draw, write.
 
     Returns
@@ -62,10 +76,9 @@ def run(args: argparse.Namespace) -> int:
         A file cannot be read or written.
     """
     from host.errors import UsageError
-    from host.results.arguments import window
     from host.submission.contents import DEFAULT_TITLE, build_submission
 
-    windowed = window(args) is not None
+    windowed = arguments.window(args) is not None
     if args.endpoints and windowed:
         raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
     if len(args.trials) > 1 and (args.endpoints or windowed):
@@ -80,12 +93,11 @@ def run(args: argparse.Namespace) -> int:
     return 0 if all(trial.valid for trial in built.submission.trials) else 1
 
 
-def _source(path: Path, args: argparse.Namespace) -> TrialSource:
+def _source(path: Path, args: Options) -> TrialSource:
     from analysis.scoring.choice import load_endpoints, parse_endpoints
     from analysis.series import ReaderError
     from host.cards.files import find_cards
     from host.errors import UsageError
-    from host.results.arguments import window
     from host.submission.source import Choices, load_source
 
     if not path.name:
@@ -96,7 +108,7 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
     try:
         if args.endpoints:
             choices = choices.with_endpoints(parse_endpoints(args.endpoints))
-        elif beside.is_file() and window(args) is None:
+        elif beside.is_file() and arguments.window(args) is None:
             choices = choices.with_endpoints(load_endpoints(beside))
     except ReaderError as error:
         raise UsageError(str(error)) from error
@@ -108,15 +120,14 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
     return load_source(path, cards, choices, baseline)
 
 
-def _window_s(path: Path, args: argparse.Namespace) -> tuple[float | None, float | None]:
+def _window_s(path: Path, args: Options) -> tuple[float | None, float | None]:
     """Give the window in seconds: a submission says what was scored, whoever set the markers."""
     if not isinstance(args.start, str) and not isinstance(args.end, str):
         return args.start, args.end
     from host.results.any_file import read_recording
-    from host.results.arguments import read_options
     from host.results.window import resolve_window
 
-    _, trial = read_recording(path, read_options(args))
+    _, trial = read_recording(path, arguments.read_options(args))
     return resolve_window((args.start, args.end), trial) or (None, None)
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from host.results import arguments
 
 if TYPE_CHECKING:
     from host.results.any_file import ReadOptions, ScoredRecording
@@ -15,10 +18,22 @@ if TYPE_CHECKING:
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 
 
+@dataclass(frozen=True)
+class Options(arguments.ReadArguments, arguments.WindowArguments):
+    """The arguments of the command."""
+
+    files: list[Path]
+    json: bool
+    endpoints: str | None
+    ignore_actions: bool
+    baseline: Path | None
+    plot: Path | None
+    as_published: bool
+    preceding: list[str]
+
+
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
-    from host.results.arguments import add_read_arguments, add_window_arguments
-
     parser = subparsers.add_parser(
         "score",
         help="score recordings",
@@ -33,13 +48,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--endpoints", metavar="ROWS|FILE", help="end points chosen by hand: 1175,1639 (rows), 12.5s,17.1s, or a file"
     )
-    add_window_arguments(parser)
+    arguments.add_window_arguments(parser)
     parser.add_argument(
         "--ignore-actions",
         action="store_true",
         help="score as if the operator had set no trial window and left no cycle out",
     )
-    add_read_arguments(parser)
+    arguments.add_read_arguments(parser)
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
     parser.add_argument(
         "--plot", type=Path, metavar="IMAGE", help="draw the trial: rotation, steps, sensitivity (.png, .svg or .pdf)"
@@ -54,7 +69,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
 
 
-def run(args: argparse.Namespace) -> int:
+def run(args: Options) -> int:
     """Score one file, or many.
 
     Raises
@@ -66,10 +81,9 @@ def run(args: argparse.Namespace) -> int:
     """
     from host.errors import UsageError
     from host.results.any_file import score_recording
-    from host.results.arguments import window
     from host.results.batch import expand
 
-    if args.endpoints is not None and window(args) is not None:
+    if args.endpoints is not None and arguments.window(args) is not None:
         raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
     _check_plot(args.plot)
     files = expand(args.files)
@@ -92,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if score.valid else 1
 
 
-def _run_many(files: list[Path], args: argparse.Namespace) -> int:
+def _run_many(files: list[Path], args: Options) -> int:
     """Score files into one table; the exit code is that of the worst."""
     import json
 
@@ -159,16 +173,15 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
         raise unwritable(path, error) from error
 
 
-def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Window | None]:
+def _choices(args: Options) -> tuple[ScoreOptions, ReadOptions, Window | None]:
     """Say how to score, how to read, and which window, as the arguments do."""
     from analysis.scoring.choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError
-    from host.results.arguments import read_options, window
     from host.results.preceding import preceding_endpoints
     from host.results.result import ScoreOptions
 
-    reading = read_options(args)
+    reading = arguments.read_options(args)
     try:
         chosen = None if args.endpoints is None else parse_endpoints(args.endpoints)
     except ReaderError as error:
@@ -180,4 +193,4 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Windo
         honour_actions=not args.ignore_actions,
         preceding=preceding_endpoints(args.preceding, reading),
     )
-    return options, reading, window(args)
+    return options, reading, arguments.window(args)

@@ -3,11 +3,30 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from host.results.any_file import ReadOptions
     from host.results.window import Window
+
+
+@dataclass(frozen=True)
+class ReadArguments:
+    """The arguments of :func:`add_read_arguments`."""
+
+    columns: str | None
+    rate: float | None
+    topic: str | None
+    node: int | None
+
+
+@dataclass(frozen=True)
+class WindowArguments:
+    """The arguments of :func:`add_window_arguments`."""
+
+    start: float | str | None
+    end: float | str | None
 
 
 def add_read_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,8 +39,8 @@ def add_read_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def read_options(args: argparse.Namespace) -> ReadOptions:
-    """Give what :func:`add_read_arguments` declared."""
+def read_options(args: ReadArguments) -> ReadOptions:
+    """Return how to read a file, as the arguments ask for it."""
     from host.results.any_file import ReadOptions
 
     return ReadOptions(args.columns, args.rate, args.topic, args.node)
@@ -39,8 +58,8 @@ def add_window_arguments(parser: argparse.ArgumentParser, note: str = "") -> Non
     parser.add_argument("--to", dest="end", type=_bound, metavar="S|MARKER", help=f"end of the window{note}")
 
 
-def window(args: argparse.Namespace) -> Window | None:
-    """Give what :func:`add_window_arguments` declared; None where no end was given."""
+def window(args: WindowArguments) -> Window | None:
+    """Return the window that the arguments ask for; None where neither end was given."""
     return None if args.start is None and args.end is None else (args.start, args.end)
 
 
