@@ -39,6 +39,7 @@ test: $(VENV)/.dev
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/numpydoc lint $$(find analysis emulator firmware_protocol host -name '*.py')
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
