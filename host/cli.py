@@ -1,7 +1,7 @@
-"""The ``rotdrift`` command: finds the subcommand, runs it, and turns what goes wrong into one sentence.
+"""The ``rotdrift`` command: finds the subcommand, runs it, and turns every error into one sentence.
 
-Exit codes: 0 done, 1 ran but the result is not valid, 2 wrong use, 3 device or link, 4 file; 70 a fault of rotdrift
-itself, 130 interrupted.
+Exit codes: 0 done, 1 ran but the result is not valid, 2 wrong use, 3 device or link, 4 file; 70 an internal
+error, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from host.commands import COMMANDS
 from host.errors import HostError, unreadable
 from host.version import VERSION
 
-OWN_FAULT = 70
+INTERNAL_ERROR = 70
 INTERRUPTED = 130
 
 EPILOG = """\
@@ -44,15 +44,15 @@ class CommandModule(Protocol):
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors look like all others: one sentence with what to do, on stderr, exit code 2."""
+    """An argument parser whose errors look like all others: one sentence with a remedy, on stderr, exit code 2."""
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong with the arguments and leave."""
+        """Print what is wrong with the arguments, and exit."""
         self.exit(2, f"rotdrift: {message}; see `{self.prog} --help`\n")
 
 
 def build_parser() -> Parser:
-    """Assemble the parser of all subcommands; imports no numpy and no driver."""
+    """Return the parser of all subcommands; imports no numpy and no driver."""
     parser = Parser(
         prog="rotdrift",
         description="Measure how far a robot hand lets an object drift per cycle\n(Rotation Drift Benchmark).",
@@ -67,25 +67,21 @@ def build_parser() -> Parser:
     for name in COMMANDS:
         _command(name).add_parser(subparsers)
     for subparser in subparsers.choices.values():
-        # Also after the subcommand, where one adds it to a line that just failed; not set there, it must not reset.
+        # Also after the subcommand, where one adds it to a line that just failed. Without SUPPRESS the default of the
+        # subparser would overwrite a --debug that stands before the subcommand.
         subparser.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     return parser
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one subcommand.
+    """Run one subcommand and return its exit code.
 
     Parameters
     ----------
     arguments : sequence of str, optional
         Without the program's name; ``sys.argv[1:]`` by default.
-
-    Returns
-    -------
-    int
-        The exit code.
     """
-    # Read when numpy is first imported: nothing here gains from several threads, and idle ones spin for a while.
+    # numpy reads this when it is first imported. Nothing here gains from several threads, and idle ones keep spinning.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _make_output_safe()
     at_terminal = _at_terminal()
@@ -107,12 +103,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as error:
         return _report(error, "interrupted", INTERRUPTED, debug)
     except BrokenPipeError:
-        # Whoever read our output has gone (`| head`); without this Python complains once more while it shuts down.
+        # The reader of our output has gone (`| head`). Without this, Python reports it once more at shutdown.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:  # noqa: BLE001 - the last line of defence
         if isinstance(error, OSError) and at_terminal and not _at_terminal():
-            for stream in (sys.stdout, sys.stderr):  # nobody reads what is left; a capture's result is in its file
+            for stream in (sys.stdout, sys.stderr):  # the terminal has closed; a capture's result is in its file
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
             return 0
         if isinstance(error, OSError) and error.filename is not None:  # a name too long, a folder that has vanished
@@ -120,8 +116,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
             refused = unreadable(plain(error.filename), error)
             return _report(error, str(refused), refused.exit_code, debug)
-        message = f"a fault of rotdrift itself ({type(error).__name__}: {error}): run again with --debug and report it"
-        return _report(error, message, OWN_FAULT, debug)
+        message = f"internal error ({type(error).__name__}: {error}): run again with --debug and report it"
+        return _report(error, message, INTERNAL_ERROR, debug)
     return code
 
 
@@ -130,7 +126,7 @@ def _command(name: str) -> CommandModule:
 
 
 def _at_terminal() -> bool:
-    """Whether the output goes to a terminal that is there: not to one closed meanwhile (window, ssh connection)."""
+    """Return whether the output goes to an open terminal: not to one closed meanwhile (window, ssh)."""
     try:
         return os.isatty(sys.stdout.fileno())
     except (OSError, ValueError):
@@ -145,7 +141,7 @@ def _report(error: BaseException, message: str, code: int, debug: bool) -> int:
 
 
 def _make_output_safe() -> None:
-    """Let a terminal that cannot show θ show a question mark instead of failing."""
+    """Make a terminal that cannot show θ show a question mark instead of failing."""
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:

@@ -12,16 +12,16 @@ NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 
 
 class StopSignals:
-    """While entered, the signals that ask a program to end set :attr:`stop` instead.
+    """A context in which the signals that ask a program to end set :attr:`stop` instead.
 
-    A second one acts as it always did: what hangs can still be interrupted. Outside the main thread, where Python
-    allows no handlers, nothing changes.
+    The first signal restores the former handlers, so that a second one acts as usual and a program that hangs can be
+    interrupted. Outside the main thread, where Python allows no handlers, nothing changes.
     """
 
     def __init__(self) -> None:
         self.stop = threading.Event()
         self.name: str | None = None
-        """Which signal came first."""
+        """The signal that came first."""
         self._previous: dict[signal.Signals, Callable[[int, FrameType | None], Any] | int | None] = {}
 
     def __enter__(self) -> Self:

@@ -9,17 +9,17 @@ MAX_TEXT = 200
 
 
 def plain(text: object, limit: int = MAX_TEXT) -> str:
-    """Make a text of unknown origin harmless to print: no control characters, bounded, on one line.
+    """Return a text of unknown origin harmless to print: no control characters, bounded, on one line.
 
-    Control, format (bidirectional overrides), surrogate and private characters and line separators are left out, so
+    Control, format (bidirectional overrides), surrogate and private characters and line separators are removed, so
     that no escape sequence survives. The result may still hold rich markup: show it through
     :class:`rich.text.Text`, never as a markup string.
 
     Parameters
     ----------
     text : object
-        Anything; ``str()`` of it is taken.
-    limit : int
+        Anything that ``str()`` turns into text.
+    limit : int, optional
         Longest result in characters; a longer one ends in ``…``.
     """
     kept = "".join(

@@ -1,4 +1,4 @@
-"""The emulator as a second process: for the demo, and for whoever wants a real device where there is none."""
+"""The emulator as a second process: a device for the demo and for tests."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ STOP_S = 20.0
 
 
 class VirtualObjectProcess:
-    """A virtual object that runs beside us, on a pty (on Windows, which has none, on a TCP port).
+    """A virtual object in a process of its own, on a pty (on Windows, which has none, on a TCP port).
 
-    Entering waits until it can be reached. It is no child of the terminal: Ctrl-C reaches only us, so that a capture
-    can end in order before its object goes. It ends when its input does, so also when we are killed.
+    Entering waits until it can be reached. It has a process group of its own, so that Ctrl-C reaches only us and a
+    capture can end in order before its object does. It ends when its input ends, so also when we are killed.
 
     Parameters
     ----------
     scenario : str
         Name or file.
     seed : int, optional
-        In place of the scenario's.
+        Replaces the scenario's.
     """
 
     def __init__(self, scenario: str, seed: int | None = None) -> None:
@@ -42,7 +42,7 @@ class VirtualObjectProcess:
             self._command += ["--seed", str(seed)]
         self._process: subprocess.Popen[str] | None = None
         self.link = ""
-        """How to reach it, once entered."""
+        """The link to the object, once entered."""
 
     def __enter__(self) -> Self:
         new_group = {"start_new_session": True}
@@ -71,7 +71,7 @@ class VirtualObjectProcess:
         self.close()
 
     def stop(self) -> dict[str, Any]:
-        """End the object and read what really happened; empty where it could not say."""
+        """End the object and return its account of what really happened; empty if it could not write one."""
         self._end_process()
         try:
             truth: dict[str, Any] = json.loads(self._truth_path.read_text(encoding="utf-8"))
@@ -100,7 +100,8 @@ class VirtualObjectProcess:
         process.kill()
         process.wait()
         reason = plain(process.stderr.read(), 300).removeprefix("rotdrift: ")
-        raise LinkError(f"the virtual object did not start ({reason or 'it said nothing'})", "try another --scenario")
+        reason = reason or "it printed nothing"
+        raise LinkError(f"the virtual object did not start ({reason})", "try another --scenario")
 
     def _end_process(self) -> None:
         process = self._process

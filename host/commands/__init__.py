@@ -1,8 +1,8 @@
 """One module per subcommand.
 
-Each has ``add_parser(subparsers)``, which must import nothing heavy, and ``run(args) -> int``, which imports what it
-needs when it is called. The name of the module is the name of the subcommand; :data:`COMMANDS` is their order in the
-help.
+The name of the module is the name of the subcommand. Each has a frozen dataclass ``Options``, a field per argument;
+``add_parser(subparsers)``, which declares the arguments and must import nothing heavy; and ``run(args: Options) ->
+int``, which imports what it needs, raises :class:`host.errors.HostError`, and returns the exit code.
 """
 
 COMMANDS = (

@@ -1,4 +1,4 @@
-"""``rotdrift baseline``: measure the sensor at rest, so that a score can carry the sensor's own share."""
+"""``rotdrift baseline``: measure the sensor at rest, so that a score can state the sensor's own share."""
 
 from __future__ import annotations
 
@@ -38,8 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="measure the sensor at rest",
         description=(
             "Put the object on a table and do not touch it: its heading drift and noise are measured, from a link or "
-            "from a recording, and written to a small TOML file that `score`, `capture` and `report` take with "
-            "--baseline."
+            "from a recording, and written to a small TOML file for the --baseline of `score`, `capture` and `report`."
         ),
         epilog="example: rotdrift baseline serial:/dev/ttyACM0 --duration 120 --out imu.baseline.toml",
     )
@@ -53,24 +52,24 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: Options) -> int:
-    """Measure, print, write.
+    """Measure a baseline, print it, and write it.
 
     Raises
     ------
     HostError
-        Too short, or the object moved: no baseline.
+        The recording is too short for a baseline, or the object moved.
     FileError
-        FILE is no recording; or --out exists.
+        FILE is not a recording, or --out exists already.
     LinkError
         The link cannot be opened, or nothing came from it.
     """
     from analysis.sensor.baseline import measure_baseline
     from analysis.sensor.baseline_file import save_baseline
     from analysis.series import BaselineError
-    from host.errors import FileError, HostError, unwritable
+    from host.errors import HostError, already_there, unwritable
 
     if args.out is not None and args.out.exists():
-        raise FileError(f"{args.out} exists already", "give another name with --out, or move it away")
+        raise already_there(args.out)
     path = Path(args.source)
     series, temperatures_c = _from_file(path, args) if _is_recording(path) else _from_link(args)
     try:
@@ -95,7 +94,7 @@ def run(args: Options) -> int:
 
 
 def _is_recording(path: Path) -> bool:
-    """Tell a recording from a device: a regular file, or the folder of a bag."""
+    """Return whether a path is a recording, not a device: a regular file, or the folder of a bag."""
     return path.is_file() or path.is_dir()
 
 
@@ -132,7 +131,7 @@ def _from_link(args: Options) -> tuple[OrientationSeries, Sequence[float]]:
         try:
             trial = load_trial(recording, outcome.unwritten)
         except SeriesError as error:
-            raise LinkError(f"what {args.source} sent makes no baseline ({error})", "look at the link") from error
+            raise LinkError(f"the data from {args.source} give no baseline ({error})", "check the link") from error
     from dataclasses import replace
 
     return replace(trial.series, source=args.source), trial.temperatures_c
@@ -169,8 +168,8 @@ def _print(baseline: StaticBaseline) -> None:
         rows.append(
             (
                 f"{period_s:.0f} s cycles",
-                f"the sensor adds up to {baseline.per_cycle_deg(period_s):.4f}° per cycle; smallest drift to be told "
-                f"from it in {CYCLES_SHOWN} cycles: {baseline.detectable_deg(period_s, CYCLES_SHOWN + 1):.4f}°",
+                f"the sensor adds up to {baseline.per_cycle_deg(period_s):.4f}° per cycle; smallest drift that shows "
+                f"above it in {CYCLES_SHOWN} cycles: {baseline.detectable_deg(period_s, CYCLES_SHOWN + 1):.4f}°",
             )
         )
     rows += [("note", plain(note, 300)) for note in baseline.notes]

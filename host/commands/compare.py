@@ -35,12 +35,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("sources", nargs="+", type=Path, metavar="BUNDLE|RESULT", help="what to compare")
     parser.add_argument("--out", type=Path, metavar="FILE|FOLDER", help="what to write")
-    parser.add_argument("--mix", action="store_true", help="compare even what was made by different rules, and say so")
+    parser.add_argument("--mix", action="store_true", help="compare even results made by different rules, and say so")
     parser.add_argument("--force", action="store_true", help="replace files that exist")
 
 
 def run(args: Options) -> int:
-    """Compare.
+    """Compare results, and print or write the comparison.
 
     Raises
     ------
@@ -52,14 +52,14 @@ def run(args: Options) -> int:
     from analysis.reporting.comparison import CRITERION, compare, difference_text
     from analysis.reporting.errors import ComparisonError
     from analysis.reporting.tables import summary_markdown
-    from host.errors import FileError, UsageError, unwritable
+    from host.errors import UsageError, already_there, unwritable
     from host.submission.comparison_sources import load_sources
 
     try:
         comparison = compare(load_sources(args.sources), mix=args.mix)
     except ComparisonError as error:
         raise UsageError(
-            f"these results do not follow the same rules ({error})", "compare them all the same with --mix"
+            f"these results do not follow the same rules ({error})", "compare them nevertheless with --mix"
         ) from error
     if args.out is None:
         lines = [summary_markdown(comparison.rows).rstrip("\n"), ""]
@@ -71,7 +71,7 @@ def run(args: Options) -> int:
     try:
         for path in files:
             if path.exists() and not args.force:
-                raise FileError(f"{path} exists already", "give another name, or replace it with --force")
+                raise already_there(path, "give another name, or replace it with --force")
         for path, content in files.items():
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
@@ -79,13 +79,13 @@ def run(args: Options) -> int:
         raise unwritable(args.out, error) from error
     for note in comparison.notes:
         sys.stderr.write(f"rotdrift: {note}\n")
-    what = f"{len(files)} files, begin with index.html" if len(files) > 1 else f"{len(comparison.rows)} rows"
+    what = f"{len(files)} files, start with index.html" if len(files) > 1 else f"{len(comparison.rows)} rows"
     sys.stdout.write(f"wrote {args.out}: {what}\n")
     return 0
 
 
 def _files(out: Path, comparison: Comparison) -> dict[Path, bytes]:
-    from analysis.reporting import style as look
+    from analysis.reporting import style
     from analysis.reporting.comparison import forest_figure
     from analysis.reporting.site import comparison_html, site_files
     from analysis.reporting.tables import summary_csv, summary_latex, summary_markdown
@@ -98,7 +98,7 @@ def _files(out: Path, comparison: Comparison) -> dict[Path, bytes]:
     if kind == ".html":
         return {out: comparison_html(comparison, VERSION).encode()}
     if kind in {".svg", ".png", ".pdf"}:
-        with look.style():
+        with style.style():
             figure = forest_figure(comparison.rows)
-        return {out: look.figure_bytes(figure, kind[1:])}
+        return {out: style.figure_bytes(figure, kind[1:])}
     return {out / name: content for name, content in site_files(comparison, VERSION).items()}

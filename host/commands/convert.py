@@ -1,4 +1,4 @@
-"""``rotdrift convert``: a recording as a file of another tool."""
+"""``rotdrift convert``: write a recording in the format of another tool."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from host.results import arguments
 
 SUFFIXES = {".csv": "csv", ".tum": "tum", ".txt": "tum", ".parquet": "parquet", ".mat": "mat"}
-"""What the name of the output says where ``--to`` is not given."""
+"""Format by the name of the output, where ``--to`` is not given."""
 
 
 @dataclass(frozen=True)
@@ -46,24 +46,24 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: Options) -> int:
-    """Read, score where the format holds end points, write.
+    """Read a recording, score it where the format holds end points, and write it.
 
     Raises
     ------
     UsageError
-        The format is not clear.
+        The name of OUT does not show the format.
     FileError
         FILE cannot be read, or OUT cannot be written or exists.
     """
     from analysis.formats import FORMATS, write_series
     from analysis.formats.errors import WriterError
-    from host.errors import FileError, UsageError, unwritable
+    from host.errors import UsageError, already_there, unwritable
     from host.results.any_file import read_recording, score_recording
 
     kind = args.to or SUFFIXES.get(args.out.suffix.lower())
     if kind is None:
         raise UsageError(
-            f"the name {args.out.name} does not say a format", f"choose one with --to {{{','.join(FORMATS)}}}"
+            f"the name {args.out.name} does not show a format", f"choose one with --to {{{','.join(FORMATS)}}}"
         )
     reading = arguments.read_options(args)
     result = None
@@ -74,14 +74,14 @@ def run(args: Options) -> int:
         series, _ = read_recording(args.file, reading)
     try:
         args.out.parent.mkdir(parents=True, exist_ok=True)
-        said = write_series(series, args.out, kind, result)
+        notes = write_series(series, args.out, kind, result)
     except FileExistsError as error:
-        raise FileError(f"{args.out} exists already", "give another name, or move it away") from error
+        raise already_there(args.out, "give another name, or move it away") from error
     except WriterError as error:
         raise UsageError(str(error)) from error
     except OSError as error:
         raise unwritable(args.out, error) from error
-    for sentence in said:
-        sys.stderr.write(f"rotdrift: {sentence}\n")
+    for note in notes:
+        sys.stderr.write(f"rotdrift: {note}\n")
     sys.stdout.write(f"wrote {args.out}: {len(series)} samples, {FORMATS[kind][0]}\n")
     return 0

@@ -1,4 +1,4 @@
-"""``rotdrift doctor``: a report on machine and link to read, and to paste into a bug report."""
+"""``rotdrift doctor``: a report on machine and link, to read and to paste into a bug report."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "doctor",
         help="check this machine, its ports and a link",
         description=(
-            "Look at versions, clock, disk and ports; with a LINK also shake hands with the object and listen for some "
-            "seconds: rate, jitter, losses, clock skew. Exit code 0: all is well, 1: something is doubtful or bad, 3: "
-            "the link cannot be captured from."
+            "Check versions, clock, disk and ports; with a LINK also the handshake with the object, then for some "
+            "seconds rate, jitter, losses and clock skew. Exit code 0: all is well, 1: something is doubtful or bad, "
+            "3: the link cannot be captured from."
         ),
     )
     parser.add_argument("link", metavar="LINK", nargs="?", help="serial:/dev/ttyACM0, can:socketcan:can0, ...")
@@ -43,12 +43,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: Options) -> int:
-    """Check machine and link.
+    """Check machine and link, and print the findings.
 
     Raises
     ------
     UsageError
-        An impossible duration or link.
+        --seconds is out of range, or LINK is not a link.
     """
     from host.doctor.findings import Verdict
     from host.doctor.link_check import check_link
@@ -60,7 +60,7 @@ def run(args: Options) -> int:
     from host.stop_signals import StopSignals
 
     if not 0.5 <= args.seconds <= 3600:
-        raise UsageError(f"{args.seconds:g} s is no time to listen", "give --seconds from 0.5 to 3600")
+        raise UsageError(f"cannot listen for {args.seconds:g} s", "give --seconds from 0.5 to 3600")
     link = None if args.link is None else str(parse_link_uri(args.link))
     ports = list_serial_ports()
     machine = [*versions(), *clock_source(), *disk(args.folder)]
@@ -74,7 +74,7 @@ def run(args: Options) -> int:
         sys.stdout.write(json.dumps([finding.to_json() for finding in findings], indent=2, ensure_ascii=False) + "\n")
     else:
         _print(findings)
-    # A port nobody asked for does not make the machine ill.
+    # With a link, only that link counts: a fault of a port that is not used does not matter.
     judged = on_link if link is not None else findings
     if any(finding.verdict is Verdict.BAD for finding in on_link):
         return 3

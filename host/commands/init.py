@@ -1,4 +1,4 @@
-"""``rotdrift init``: make the object, hand and trial cards."""
+"""``rotdrift init``: make the object, hand and trial cards of a submission."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("folder", nargs="?", default=".", metavar="FOLDER", help="where to write (default: here)")
     parser.add_argument(
-        "--card", choices=("object", "hand", "trial"), action="append", help="only this card; may be given again"
+        "--card", choices=("object", "hand", "trial"), action="append", help="only this card; may be repeated"
     )
-    parser.add_argument("--from", dest="source", metavar="FILE", help="take the values from a card file, ask nothing")
+    parser.add_argument("--from", dest="source", metavar="FILE", help="read the values from a card file, ask nothing")
     parser.add_argument("--template", action="store_true", help="print a card file to fill in, and write nothing")
     parser.add_argument("--schema", action="store_true", help="print the JSON Schema of card files, and write nothing")
     parser.add_argument("--force", action="store_true", help="replace cards that exist")
 
 
 def run(args: Options) -> int:
-    """Ask, check, write ``object.toml``, ``hand.toml`` and ``trial.toml``.
+    """Ask for the cards, check them, and write ``object.toml``, ``hand.toml`` and ``trial.toml``.
 
     Raises
     ------
@@ -58,73 +58,64 @@ def run(args: Options) -> int:
     """
     import json
 
-    from host.cards import definitions as card_module
+    from host.cards.definitions import TABLES, cards_schema, load_cards, missing_fields
     from host.cards.questions import ask_for_cards, template
     from host.errors import UsageError
 
     if args.template or args.schema:
-        schema = json.dumps(card_module.cards_schema(), indent=2, ensure_ascii=False) + "\n"
+        schema = json.dumps(cards_schema(), indent=2, ensure_ascii=False) + "\n"
         sys.stdout.write(schema if args.schema else template())
         return 0
-    folder = Path(args.folder)
-    tables = tuple(table for table in card_module.TABLES if not args.card or table in args.card)
+    files = {table: Path(args.folder) / f"{table}.toml" for table in TABLES if not args.card or table in args.card}
     if args.source:
-        cards = card_module.load_cards(Path(args.source))
+        cards = load_cards(Path(args.source))
     elif not sys.stdin.isatty():
         raise UsageError(
             "there is no terminal to ask in", "give the values with --from FILE; `rotdrift init --template` prints one"
         )
     else:
-        _refuse_existing(folder, tables, force=args.force)
+        _refuse_existing(files, force=args.force)  # before a person types all the answers
         try:
-            cards = ask_for_cards(_known(folder, tables), tables, input, print)
+            cards = ask_for_cards(_existing(files), tuple(files), input, print)
         except EOFError:
             print("\nnothing written")  # noqa: T201
             return 1
-    _refuse_existing(folder, tables, force=args.force)
-    written = _write(folder, cards, tables)
-    missing = [field for field in card_module.missing_fields(cards) if field.split(".")[0] in tables]
-    print(f"wrote {', '.join(str(path) for path in written)}")  # noqa: T201
+    _refuse_existing(files, force=args.force)
+    _write(cards, files)
+    missing = [field for field in missing_fields(cards) if field.partition(".")[0] in files]
+    print(f"wrote {', '.join(map(str, files.values()))}")  # noqa: T201
     if missing:
         print(f"a complete submission also needs: {', '.join(missing)}")  # noqa: T201
     return 0
 
 
-def _refuse_existing(folder: Path, tables: tuple[str, ...], *, force: bool) -> None:
-    from host.errors import FileError
+def _refuse_existing(files: dict[str, Path], *, force: bool) -> None:
+    from host.errors import already_there
 
-    for table in tables:
-        if (folder / f"{table}.toml").exists() and not force:
-            raise FileError(
-                f"{folder / table}.toml exists already",
-                "edit it, choose others with --card, or replace it with --force",
-            )
+    for path in files.values():
+        if path.exists() and not force:
+            raise already_there(path, "edit it, choose others with --card, or replace it with --force")
 
 
-def _known(folder: Path, tables: tuple[str, ...]) -> Cards:
-    """Defaults: what the cards being replaced say."""
+def _existing(files: dict[str, Path]) -> Cards:
+    """Return the cards that will be replaced; their values are the defaults."""
     from host.cards.definitions import Cards, load_cards, merged
 
     cards = Cards()
-    for table in tables:
-        path = folder / f"{table}.toml"
+    for path in files.values():
         if path.is_file():
             cards = merged(cards, load_cards(path))
     return cards
 
 
-def _write(folder: Path, cards: Cards, tables: tuple[str, ...]) -> list[Path]:
+def _write(cards: Cards, files: dict[str, Path]) -> None:
     from host.cards.definitions import Cards, dump_cards
     from host.errors import unwritable
 
-    written = []
-    for table in tables:
-        path = folder / f"{table}.toml"
+    for table, path in files.items():
         text = dump_cards(Cards(**{table: getattr(cards, table)}))
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text or f"[{table}]\n", encoding="utf-8")
         except OSError as error:
             raise unwritable(path, error) from error
-        written.append(path)
-    return written

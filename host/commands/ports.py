@@ -67,7 +67,7 @@ def _rows() -> list[dict[str, Any]]:
 
 
 def _why_not(row: dict[str, Any]) -> str:
-    """Say why a link is not listened to; empty where it is."""
+    """Return why a link is not listened to; empty where it is."""
     from host.links.can.listing import SLCAN_ADAPTERS
 
     if row.get("owners"):

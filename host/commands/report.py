@@ -34,11 +34,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "report",
         help="write a submission: report, figures, data, summary",
         description=(
-            "Write everything the benchmark card asks for. Cards are taken from --cards,\n"
+            "Write everything the benchmark card asks for. Cards come from --cards,\n"
             "from NAME.toml beside the recording NAME.mcap, and from object.toml, hand.toml,\n"
-            "trial.toml there or in the folder above. End points chosen by hand are taken\n"
-            "from NAME.endpoints.csv (but where --from or --to is given), a static baseline\n"
-            "from NAME.baseline.toml or baseline.toml."
+            "trial.toml there or in the folder above. End points chosen by hand come from\n"
+            "NAME.endpoints.csv (unless --from or --to is given), a static baseline from\n"
+            "NAME.baseline.toml or baseline.toml."
         ),
         epilog="example: rotdrift report trials/*.mcap --out submission.zip",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -61,17 +61,17 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: Options) -> int:
-    """Score, draw, write.
+    """Score, draw and write a submission.
 
     Returns
     -------
     int
-        0; 1 when a trial makes no valid score (the submission is written and says so).
+        0; 1 if a trial has no valid score (the submission is written all the same, and says so).
 
     Raises
     ------
     UsageError
-        Choices that cannot be.
+        The options contradict each other.
     FileError
         A file cannot be read or written.
     """
@@ -89,7 +89,7 @@ def run(args: Options) -> int:
     sources = [_source(path, args) for path in args.trials]
     built = build_submission(sources, title=args.title or DEFAULT_TITLE)
     _write(args.out, built)
-    _tell(args.out, built)
+    _print(args.out, built)
     return 0 if all(trial.valid for trial in built.submission.trials) else 1
 
 
@@ -101,7 +101,7 @@ def _source(path: Path, args: Options) -> TrialSource:
     from host.submission.source import Choices, load_source
 
     if not path.name:
-        raise UsageError(f"{path} has no name to file it under", "name the recording or the bag in full")
+        raise UsageError(f"{path} has no name of its own", "name the recording or the bag in full")
     start_s, end_s = _window_s(path, args)
     choices = Choices(start_s, end_s, columns=args.columns, rate_hz=args.rate, topic=args.topic, node=args.node)
     beside = path.with_suffix(".endpoints.csv")
@@ -121,7 +121,7 @@ def _source(path: Path, args: Options) -> TrialSource:
 
 
 def _window_s(path: Path, args: Options) -> tuple[float | None, float | None]:
-    """Give the window in seconds: a submission says what was scored, whoever set the markers."""
+    """Return the window in seconds: a submission holds times, not the names of markers."""
     if not isinstance(args.start, str) and not isinstance(args.end, str):
         return args.start, args.end
     from host.results.any_file import read_recording
@@ -132,11 +132,11 @@ def _window_s(path: Path, args: Options) -> tuple[float | None, float | None]:
 
 
 def _refuse_existing(out: Path, *, force: bool) -> None:
-    from host.errors import FileError
+    from host.errors import already_there
 
     if out.exists() and (out.is_dir() or not force):
         remedy = "give another name with --out" + ("" if out.is_dir() else ", or replace it with --force")
-        raise FileError(f"{out} exists already", remedy)
+        raise already_there(out, remedy)
 
 
 def _write(out: Path, built: BuiltSubmission) -> None:
@@ -159,7 +159,7 @@ def _write(out: Path, built: BuiltSubmission) -> None:
         raise unwritable(out, error) from error
 
 
-def _tell(out: Path, built: BuiltSubmission) -> None:
+def _print(out: Path, built: BuiltSubmission) -> None:
     from analysis.reporting.wording import degrees
 
     n = len(built.submission.trials)

@@ -46,7 +46,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="what to score; folders are searched")
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
     parser.add_argument(
-        "--endpoints", metavar="ROWS|FILE", help="end points chosen by hand: 1175,1639 (rows), 12.5s,17.1s, or a file"
+        "--endpoints",
+        metavar="ROWS|FILE",
+        help="end points chosen by hand: rows (1175,1639), times (12.5s,17.1s), or a file",
     )
     arguments.add_window_arguments(parser)
     parser.add_argument(
@@ -65,19 +67,19 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         action="append",
         default=[],
         metavar="FILE[=ENDPOINTS]",
-        help="a recording that the authors' script worked through before this one, in its order; may be repeated",
+        help="a recording that the authors' script processed before this one, in its order; may be repeated",
     )
 
 
 def run(args: Options) -> int:
-    """Score one file, or many.
+    """Score one file, or many into one table.
 
     Raises
     ------
     UsageError
         End points or window that do not fit the recording.
     FileError
-        Not a file that can be scored; says where and why.
+        A file cannot be scored; the message says where and why.
     """
     from host.errors import UsageError
     from host.results.any_file import score_recording
@@ -107,7 +109,7 @@ def run(args: Options) -> int:
 
 
 def _run_many(files: list[Path], args: Options) -> int:
-    """Score files into one table; the exit code is that of the worst."""
+    """Score files into one table; return the exit code of the worst."""
     import json
 
     from rich.console import Console
@@ -127,10 +129,10 @@ def _run_many(files: list[Path], args: Options) -> int:
     ) as progress:  # fmt: skip
         bar = progress.add_task("scoring", total=len(files))
 
-        def told(_row: BatchRow) -> None:
+        def advance(_row: BatchRow) -> None:
             progress.advance(bar)
 
-        rows = score_many(files, told, *_choices(args))
+        rows = score_many(files, advance, *_choices(args))
     if args.json:
         results = [{"file": str(row.path), "error": row.error, "result": row.result} for row in rows]
         sys.stdout.write(json.dumps({"results": results}, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
@@ -140,18 +142,18 @@ def _run_many(files: list[Path], args: Options) -> int:
 
 
 def _check_plot(path: Path | None) -> None:
-    from host.errors import FileError, UsageError
+    from host.errors import UsageError, already_there
 
     if path is None:
         return
     if path.suffix.lower() not in PLOT_FORMATS:
-        raise UsageError(f"{path.name} is no kind of picture known here", f"end its name in {', '.join(PLOT_FORMATS)}")
+        raise UsageError(f"{path.name} is not a known kind of picture", f"end its name in {', '.join(PLOT_FORMATS)}")
     if path.exists():
-        raise FileError(f"{path} exists already", "give another name with --plot, or move it away")
+        raise already_there(path, "give another name with --plot, or move it away")
 
 
 def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
-    """Draw a trial; a trial without a score shows its motion all the same."""
+    """Draw a trial; one without a score still shows its motion."""
     import textwrap
 
     from analysis.reporting import style as figure_style
@@ -174,7 +176,7 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
 
 
 def _choices(args: Options) -> tuple[ScoreOptions, ReadOptions, Window | None]:
-    """Say how to score, how to read, and which window, as the arguments do."""
+    """Return how to score, how to read, and which window, as the arguments ask for it."""
     from analysis.scoring.choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError

@@ -30,7 +30,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("bundle", type=Path, metavar="BUNDLE", help="submission.zip, or the folder it was unpacked to")
     parser.add_argument("--no-drawings", action="store_true", help="do not make figures and reports again (faster)")
-    parser.add_argument("--json", action="store_true", help="print the finding as one JSON object")
+    parser.add_argument("--json", action="store_true", help="print the result as one JSON object")
 
 
 def run(args: Options) -> int:
@@ -39,7 +39,7 @@ def run(args: Options) -> int:
     Raises
     ------
     FileError
-        It is refused or no submission.
+        BUNDLE is not a submission, or it is refused.
     """
     from host.submission.verification import verify_bundle
 

@@ -75,6 +75,6 @@ def test_a_trial_without_a_score_is_drawn_as_well(folder, tmp_path):
 
 
 def test_a_picture_of_no_known_kind(folder, tmp_path):
-    assert "p.gif is no kind of picture" in one_sentence(
+    assert "p.gif is not a known kind of picture" in one_sentence(
         rotdrift("score", folder / "a.csv", "--plot", tmp_path / "p.gif"), 2
     )
