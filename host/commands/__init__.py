@@ -1,6 +1,6 @@
 """One module per subcommand.
 
-The name of the module is the name of the subcommand. Each has a frozen dataclass ``Options``, a field per argument;
+The name of the module is the name of the subcommand. Each has a named tuple ``Options``, a field per argument;
 ``add_parser(subparsers)``, which declares the arguments and must import nothing heavy; and ``run(args: Options) ->
 int``, which imports what it needs, raises :class:`host.errors.HostError`, and returns the exit code.
 """

@@ -5,11 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from host.results import arguments
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from analysis.sensor.baseline import StaticBaseline
@@ -21,18 +18,23 @@ PERIODS_S = (2.0, 5.0, 10.0)
 CYCLES_SHOWN = 10
 
 
-@dataclass(frozen=True)
-class Options(arguments.ReadArguments):
+class Options(NamedTuple):
     """The arguments of the command."""
 
     source: str
     out: Path | None
     duration: float | None
     json: bool
+    columns: str | None
+    rate: float | None
+    topic: str | None
+    node: int | None
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
+    from host.results.arguments import add_read_arguments
+
     parser = subparsers.add_parser(
         "baseline",
         help="measure the sensor at rest",
@@ -47,7 +49,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--duration", type=_seconds, metavar="S", help=f"how long to listen (default: {DEFAULT_DURATION_S:.0f} s)"
     )
-    arguments.add_read_arguments(parser)
+    add_read_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
@@ -99,9 +101,9 @@ def _is_recording(path: Path) -> bool:
 
 
 def _from_file(path: Path, args: Options) -> tuple[OrientationSeries, Sequence[float]]:
-    from host.results.any_file import read_recording
+    from host.results.any_file import ReadOptions, read_recording
 
-    series, trial = read_recording(path, arguments.read_options(args))
+    series, trial = read_recording(path, ReadOptions(args.columns, args.rate, args.topic, args.node))
     return series, () if trial is None else trial.temperatures_c
 
 

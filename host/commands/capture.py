@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from host.capture.loop import CaptureSettings
@@ -15,8 +14,7 @@ if TYPE_CHECKING:
     from host.screen.screens import Screen
 
 
-@dataclass(frozen=True)
-class Options:
+class Options(NamedTuple):
     """The arguments of the command."""
 
     link: list[str]

@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-
-from host.results import arguments
+from typing import NamedTuple
 
 SUFFIXES = {".csv": "csv", ".tum": "tum", ".txt": "tum", ".parquet": "parquet", ".mat": "mat"}
 """Format by the name of the output, where ``--to`` is not given."""
 
 
-@dataclass(frozen=True)
-class Options(arguments.ReadArguments):
+class Options(NamedTuple):
     """The arguments of the command."""
 
     file: Path
     out: Path
     to: str | None
+    columns: str | None
+    rate: float | None
+    topic: str | None
+    node: int | None
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
+    from host.results.arguments import add_read_arguments
+
     parser = subparsers.add_parser(
         "convert",
         help="write a recording as CSV, TUM, parquet, .mat, ROS 2 bag",
@@ -42,7 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         choices=("csv", "endpoints", "tum", "parquet", "mat", "ros2", "kit"),
         help="format (default: by the name of OUT)",
     )
-    arguments.add_read_arguments(parser)
+    add_read_arguments(parser)
 
 
 def run(args: Options) -> int:
@@ -58,14 +61,14 @@ def run(args: Options) -> int:
     from analysis.formats import FORMATS, write_series
     from analysis.formats.errors import WriterError
     from host.errors import UsageError, already_there, unwritable
-    from host.results.any_file import read_recording, score_recording
+    from host.results.any_file import ReadOptions, read_recording, score_recording
 
     kind = args.to or SUFFIXES.get(args.out.suffix.lower())
     if kind is None:
         raise UsageError(
             f"the name {args.out.name} does not show a format", f"choose one with --to {{{','.join(FORMATS)}}}"
         )
-    reading = arguments.read_options(args)
+    reading = ReadOptions(args.columns, args.rate, args.topic, args.node)
     result = None
     if kind in {"endpoints", "mat"}:
         scored = score_recording(args.file, None, reading)

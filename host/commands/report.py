@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from host.results import arguments
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from host.submission.contents import BuiltSubmission
     from host.submission.source import TrialSource
 
 
-@dataclass(frozen=True)
-class Options(arguments.ReadArguments, arguments.WindowArguments):
+class Options(NamedTuple):
     """The arguments of the command."""
 
     trials: list[Path]
@@ -26,10 +22,18 @@ class Options(arguments.ReadArguments, arguments.WindowArguments):
     force: bool
     endpoints: str | None
     baseline: Path | None
+    start: float | str | None
+    end: float | str | None
+    columns: str | None
+    rate: float | None
+    topic: str | None
+    node: int | None
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
+    from host.results.arguments import add_read_arguments, add_window_arguments
+
     parser = subparsers.add_parser(
         "report",
         help="write a submission: report, figures, data, summary",
@@ -55,9 +59,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--title", metavar="TEXT", help="title of the report")
     parser.add_argument("--force", action="store_true", help="replace the file that exists")
     parser.add_argument("--endpoints", metavar="ROWS|FILE", help="end points chosen by hand (one trial only)")
-    arguments.add_window_arguments(parser, " (one trial only)")
+    add_window_arguments(parser, " (one trial only)")
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
-    arguments.add_read_arguments(parser)
+    add_read_arguments(parser)
 
 
 def run(args: Options) -> int:
@@ -76,9 +80,10 @@ def run(args: Options) -> int:
         A file cannot be read or written.
     """
     from host.errors import UsageError
+    from host.results.arguments import window
     from host.submission.contents import DEFAULT_TITLE, build_submission
 
-    windowed = arguments.window(args) is not None
+    windowed = window(args.start, args.end) is not None
     if args.endpoints and windowed:
         raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
     if len(args.trials) > 1 and (args.endpoints or windowed):
@@ -98,6 +103,7 @@ def _source(path: Path, args: Options) -> TrialSource:
     from analysis.series import ReaderError
     from host.cards.files import find_cards
     from host.errors import UsageError
+    from host.results.arguments import window
     from host.submission.source import Choices, load_source
 
     if not path.name:
@@ -108,7 +114,7 @@ def _source(path: Path, args: Options) -> TrialSource:
     try:
         if args.endpoints:
             choices = choices.with_endpoints(parse_endpoints(args.endpoints))
-        elif beside.is_file() and arguments.window(args) is None:
+        elif beside.is_file() and window(args.start, args.end) is None:
             choices = choices.with_endpoints(load_endpoints(beside))
     except ReaderError as error:
         raise UsageError(str(error)) from error
@@ -124,10 +130,10 @@ def _window_s(path: Path, args: Options) -> tuple[float | None, float | None]:
     """Return the window in seconds: a submission holds times, not the names of markers."""
     if not isinstance(args.start, str) and not isinstance(args.end, str):
         return args.start, args.end
-    from host.results.any_file import read_recording
+    from host.results.any_file import ReadOptions, read_recording
     from host.results.window import resolve_window
 
-    _, trial = read_recording(path, arguments.read_options(args))
+    _, trial = read_recording(path, ReadOptions(args.columns, args.rate, args.topic, args.node))
     return resolve_window((args.start, args.end), trial) or (None, None)
 
 

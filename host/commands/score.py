@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from host.results import arguments
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from host.results.any_file import ReadOptions, ScoredRecording
@@ -18,8 +15,7 @@ if TYPE_CHECKING:
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 
 
-@dataclass(frozen=True)
-class Options(arguments.ReadArguments, arguments.WindowArguments):
+class Options(NamedTuple):
     """The arguments of the command."""
 
     files: list[Path]
@@ -30,10 +26,18 @@ class Options(arguments.ReadArguments, arguments.WindowArguments):
     plot: Path | None
     as_published: bool
     preceding: list[str]
+    start: float | str | None
+    end: float | str | None
+    columns: str | None
+    rate: float | None
+    topic: str | None
+    node: int | None
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
+    from host.results.arguments import add_read_arguments, add_window_arguments
+
     parser = subparsers.add_parser(
         "score",
         help="score recordings",
@@ -50,13 +54,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar="ROWS|FILE",
         help="end points chosen by hand: rows (1175,1639), times (12.5s,17.1s), or a file",
     )
-    arguments.add_window_arguments(parser)
+    add_window_arguments(parser)
     parser.add_argument(
         "--ignore-actions",
         action="store_true",
         help="score as if the operator had set no trial window and left no cycle out",
     )
-    arguments.add_read_arguments(parser)
+    add_read_arguments(parser)
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
     parser.add_argument(
         "--plot", type=Path, metavar="IMAGE", help="draw the trial: rotation, steps, sensitivity (.png, .svg or .pdf)"
@@ -83,9 +87,10 @@ def run(args: Options) -> int:
     """
     from host.errors import UsageError
     from host.results.any_file import score_recording
+    from host.results.arguments import window
     from host.results.batch import expand
 
-    if args.endpoints is not None and arguments.window(args) is not None:
+    if args.endpoints is not None and window(args.start, args.end) is not None:
         raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
     _check_plot(args.plot)
     files = expand(args.files)
@@ -180,10 +185,12 @@ def _choices(args: Options) -> tuple[ScoreOptions, ReadOptions, Window | None]:
     from analysis.scoring.choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError
+    from host.results.any_file import ReadOptions
+    from host.results.arguments import window
     from host.results.preceding import preceding_endpoints
     from host.results.result import ScoreOptions
 
-    reading = arguments.read_options(args)
+    reading = ReadOptions(args.columns, args.rate, args.topic, args.node)
     try:
         chosen = None if args.endpoints is None else parse_endpoints(args.endpoints)
     except ReaderError as error:
@@ -195,4 +202,4 @@ def _choices(args: Options) -> tuple[ScoreOptions, ReadOptions, Window | None]:
         honour_actions=not args.ignore_actions,
         preceding=preceding_endpoints(args.preceding, reading),
     )
-    return options, reading, arguments.window(args)
+    return options, reading, window(args.start, args.end)

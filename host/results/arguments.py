@@ -3,30 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from host.results.any_file import ReadOptions
-    from host.results.window import Window
-
-
-@dataclass(frozen=True)
-class ReadArguments:
-    """The arguments of :func:`add_read_arguments`."""
-
-    columns: str | None
-    rate: float | None
-    topic: str | None
-    node: int | None
-
-
-@dataclass(frozen=True)
-class WindowArguments:
-    """The arguments of :func:`add_window_arguments`."""
-
-    start: float | str | None
-    end: float | str | None
+    from host.results.window import Bound, Window
 
 
 def add_read_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,13 +17,6 @@ def add_read_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--node", type=int, metavar="N", help="node id of the object in a CAN log; else the first heard"
     )
-
-
-def read_options(args: ReadArguments) -> ReadOptions:
-    """Return how to read a file, as the arguments ask for it."""
-    from host.results.any_file import ReadOptions
-
-    return ReadOptions(args.columns, args.rate, args.topic, args.node)
 
 
 def add_window_arguments(parser: argparse.ArgumentParser, note: str = "") -> None:
@@ -58,9 +31,9 @@ def add_window_arguments(parser: argparse.ArgumentParser, note: str = "") -> Non
     parser.add_argument("--to", dest="end", type=_bound, metavar="S|MARKER", help=f"end of the window{note}")
 
 
-def window(args: WindowArguments) -> Window | None:
+def window(start: Bound, end: Bound) -> Window | None:
     """Return the window that the arguments ask for; None where neither end was given."""
-    return None if args.start is None and args.end is None else (args.start, args.end)
+    return None if start is None and end is None else (start, end)
 
 
 def _bound(text: str) -> float | str:
