@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
 from firmware_protocol.packets import Info, ObjectShape
 from host.cards.definitions import (
     SIZE_KEYS,
@@ -23,9 +25,8 @@ from host.text import plain
 CARD_FILES = ("cards.toml", "object.toml", "hand.toml", "trial.toml")
 """Files looked for beside a recording and in the folder above, after ``<name of the recording>.toml``."""
 
-MASS_TOLERANCE_G = 0.05
-LENGTH_TOLERANCE_MM = 0.05
-"""Differences below these are rounding: the object sends float32."""
+TOLERANCE = 0.05
+"""Differences up to this, g or mm, are rounding: the object sends float32."""
 
 _SHAPES = {
     ObjectShape.CUBE: ObjectType.CUBE,
@@ -131,24 +132,23 @@ def with_object(cards: Cards, info: Info | None) -> tuple[Cards, tuple[str, ...]
 
 def _agree(name: str, one: object, other: object) -> bool:
     """Return whether two values of a field are the same but for rounding."""
-    if isinstance(one, Dimensions) and isinstance(other, Dimensions):
-        pairs = [(getattr(one, key), getattr(other, key)) for key in Dimensions.__struct_fields__]
-        return all(a == b or bool(a and b and abs(a - b) <= LENGTH_TOLERANCE_MM) for a, b in pairs)
-    if name == "weights" and isinstance(one, tuple) and isinstance(other, tuple):
-        first, second = ({w.slot: w.mass_g for w in weights} for weights in (one, other))
-        return first.keys() == second.keys() and all(
-            abs(first[slot] - second[slot]) <= MASS_TOLERANCE_G for slot in first
-        )
-    if name == "mounting_q_body_sensor" and isinstance(one, tuple) and isinstance(other, tuple):
-        cosine = float(sum(a * b for a, b in zip(one, other, strict=True)))
-        return abs(cosine) > 1.0 - 1e-6  # q and -q are the same
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return all(abs(a - b) <= LENGTH_TOLERANCE_MM for a, b in zip(one, other, strict=True))
-    if isinstance(one, float | int) and isinstance(other, float | int):
-        return abs(one - other) <= MASS_TOLERANCE_G
     if isinstance(one, str) and isinstance(other, str):
         return one.strip().lower() == other.strip().lower()
-    return one == other
+    first, second = _numbers(one), _numbers(other)
+    if first.keys() != second.keys() or not first:
+        return one == other
+    if name == "mounting_q_body_sensor":
+        return abs(sum(first[key] * second[key] for key in first)) > 1.0 - 1e-6  # q and -q are the same
+    return all(abs(first[key] - second[key]) <= TOLERANCE for key in first)
+
+
+def _numbers(value: object) -> dict[object, float]:
+    """Return the numbers of a value by what they belong to; empty for a value without."""
+    if isinstance(value, Dimensions):
+        return {key: size for key, size in msgspec.structs.asdict(value).items() if size is not None}
+    if isinstance(value, tuple):
+        return dict((part.slot, part.mass_g) if isinstance(part, Weight) else (i, part) for i, part in enumerate(value))
+    return {"": float(value)} if isinstance(value, float | int) else {}
 
 
 def _mounting(q_wxyz: tuple[float, float, float, float]) -> tuple[float, float, float, float] | None:
