@@ -47,7 +47,7 @@ def test_a_function_that_returns_something_opens_with_a_verb_and_that_is_return(
         for node in ast.walk(ast.parse((ROOT / name).read_text(encoding="utf-8")))
         if isinstance(node, ast.FunctionDef) and (fault := opening_fault(node))
     ]
-    assert faults == []
+    assert not faults, "\n".join(faults)
 
 
 @pytest.mark.parametrize(
