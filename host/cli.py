@@ -89,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser = build_parser()
         args, unknown = parser.parse_known_args(arguments)
         if unknown:
-            parser.prog = f"rotdrift {args.command}"  # whose --help says more
+            parser.prog = f"rotdrift {args.command}"  # its --help lists them
             parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     except SystemExit as leaving:  # argparse leaves after --help, --version and errors
         return leaving.code if isinstance(leaving.code, int) else 0

@@ -25,7 +25,7 @@ from host.errors import FileError
 
 Ask = Callable[[str], str]
 """Shows a prompt, returns the line typed; raises EOFError at the end of the input."""
-Say = Callable[[str], None]
+Show = Callable[[str], None]
 Values = dict[str, dict[str, Any]]
 """Table -> field -> value, as TOML has them."""
 
@@ -36,7 +36,7 @@ benchmark card. Leave out what you do not know: nothing is invented.
 """
 
 
-def ask_for_cards(known: Cards, tables: tuple[str, ...], ask: Ask, say: Say) -> Cards:
+def ask_for_cards(known: Cards, tables: tuple[str, ...], ask: Ask, show: Show) -> Cards:
     """Return cards from questions about every field; each answer is checked at once, and asked for again if wrong.
 
     Parameters
@@ -45,7 +45,7 @@ def ask_for_cards(known: Cards, tables: tuple[str, ...], ask: Ask, say: Say) -> 
         Defaults.
     tables : tuple of str
         Which of ``object``, ``hand``, ``trial``.
-    ask, say : callable
+    ask, show : callable
         The terminal.
 
     Raises
@@ -53,10 +53,10 @@ def ask_for_cards(known: Cards, tables: tuple[str, ...], ask: Ask, say: Say) -> 
     EOFError
         The input ended.
     """
-    questions = _Questions(card_values(known), ask, say)
-    say(INTRODUCTION)
+    questions = _Questions(card_values(known), ask, show)
+    show(INTRODUCTION)
     for table in tables:
-        say(f"[{table}]")
+        show(f"[{table}]")
         for field in msgspec.structs.fields(TABLES[table]):
             questions.ask_field(table, field.name)
     return cards_from(questions.values, "this")
@@ -68,7 +68,7 @@ class _Questions:
 
     values: Values
     ask: Ask
-    say: Say
+    show: Show
 
     def ask_field(self, table: str, name: str) -> None:
         """Ask for one field, if the answers so far leave it open."""
@@ -87,7 +87,7 @@ class _Questions:
     def _ask_size(self) -> None:
         given = self.values.get("object", {})
         if "type" not in given:
-            self.say("  (the size is asked for once the type is known)")
+            self.show("  (the size is asked for once the type is known)")
             return
         keys = SIZE_KEYS[ObjectType(given["type"])]
         names = ", ".join(key.removesuffix("_mm") for key in keys)
@@ -106,9 +106,9 @@ class _Questions:
             try:
                 self._set(table, name, parse(answer))
             except ValueError as error:
-                self.say(f"  {error}")
+                self.show(f"  {error}")
             except FileError as error:
-                self.say(f"  {error.message.removeprefix('this: ')}")
+                self.show(f"  {error.message.removeprefix('this: ')}")
             else:
                 return
 

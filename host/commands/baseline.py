@@ -42,7 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
             "Put the object on a table and do not touch it: its heading drift and noise are measured, from a link or "
             "from a recording, and written to a small TOML file for the --baseline of `score`, `capture` and `report`."
         ),
-        epilog="example: rotdrift baseline serial:/dev/ttyACM0 --duration 120 --out imu.baseline.toml",
+        epilog="example: rotdrift baseline serial:/dev/ttyACM0 --duration 120 --out imu.toml",
     )
     parser.add_argument("source", metavar="LINK|FILE", help="link to the object, or a recording of it at rest")
     parser.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: print only)")

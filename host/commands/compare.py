@@ -33,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("sources", nargs="+", type=Path, metavar="BUNDLE|RESULT", help="what to compare")
     parser.add_argument("--out", type=Path, metavar="FILE|FOLDER", help="what to write")
-    parser.add_argument("--mix", action="store_true", help="compare even results made by different rules, and say so")
+    parser.add_argument("--mix", action="store_true", help="compare even results made by different rules, with a note")
     parser.add_argument("--force", action="store_true", help="replace files that exist")
 
 

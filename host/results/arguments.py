@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 def add_read_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how to read a file that is not one of our recordings."""
-    parser.add_argument("--columns", metavar="SPEC", help="what the columns are: t=time,qw=w,qx=x,qy=y,qz=z")
+    parser.add_argument("--columns", metavar="SPEC", help="meaning of the columns: t=time,qw=w,qx=x,qy=y,qz=z")
     parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate where a file has no time stamps")
     parser.add_argument("--topic", metavar="NAME", help="which topic of a bag, or station of a tracker's file")
     parser.add_argument(
