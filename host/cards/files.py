@@ -19,6 +19,7 @@ from host.cards.definitions import (
     load_cards,
     merged,
 )
+from host.cards.tables import value_text
 from host.errors import FileError
 from host.text import plain
 
@@ -169,13 +170,5 @@ def _round(value: float) -> float:
 
 def _shown(value: object) -> str:
     if isinstance(value, Dimensions):
-        return ", ".join(f"{k} = {v:g}" for k in Dimensions.__struct_fields__ if (v := getattr(value, k)) is not None)
-    if isinstance(value, ObjectType):
-        return value.value
-    if isinstance(value, tuple):
-        if not value:
-            return "none"
-        if isinstance(value[0], Weight):
-            return ", ".join(f"slot {weight.slot}: {weight.mass_g:g} g" for weight in value)
-        return "(" + ", ".join(f"{part:g}" for part in value) + ")"
-    return f"{value:g}" if isinstance(value, float) else plain(value)
+        return ", ".join(f"{key} = {size:g}" for key, size in _numbers(value).items())
+    return plain(value) if isinstance(value, str) else value_text(value)

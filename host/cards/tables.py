@@ -30,7 +30,7 @@ def card_tables(cards: Cards) -> tuple[CardTable, ...]:
             if field.name == "comments" or (field.name == "type_note" and values.type is not ObjectType.OTHER):
                 continue
             label, unit = _label(field.name)
-            text = _value(getattr(values, field.name), unit)
+            text = value_text(getattr(values, field.name), unit)
             rows.append(CardRow(label, text, f"{table}.{field.name}" in REQUIRED))
         tables.append(CardTable(table.capitalize(), tuple(rows)))
     return tuple(tables)
@@ -63,7 +63,8 @@ def _label(name: str) -> tuple[str, str]:
     return _LABELS.get(name, name.replace("_", " ")), ""
 
 
-def _value(value: object, unit: str) -> str:
+def value_text(value: object, unit: str = "") -> str:
+    """Return the value of a card's field as a person reads it; empty where it is not known."""
     if value is None:
         return ""
     if isinstance(value, Enum):
@@ -76,9 +77,7 @@ def _value(value: object, unit: str) -> str:
         if isinstance(value[0], Weight):
             return ", ".join(f"slot {weight.slot}: {weight.mass_g:g} g" for weight in value)
         return f"({', '.join(f'{part:g}' for part in value)}) {unit}".strip()
-    if isinstance(value, float):
-        return f"{value:g} {unit}".strip()
-    return f"{value} {unit}".strip()
+    return f"{value:g} {unit}".strip() if isinstance(value, float) else f"{value} {unit}".strip()
 
 
 def _size(size: Dimensions | None) -> str:
