@@ -11,7 +11,7 @@ import importlib
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NoReturn, Protocol, cast
 
 from host.commands import COMMANDS
@@ -33,14 +33,11 @@ exit codes:  0 done   1 ran, but the result is not valid   2 wrong use
 class CommandModule(Protocol):
     """What a module in ``host/commands`` has."""
 
-    Options: Callable[..., Any]
-    """A named tuple with a field for each argument (importing dataclasses would cost `--help` 20 ms)."""
-
     def add_parser(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         """Declare the subcommand and its arguments."""
 
-    def run(self, args: Any) -> int:  # noqa: ANN401 - each module has Options of its own
-        """Run it with its Options; return the exit code."""
+    def run(self, args: Any) -> int:  # noqa: ANN401 - a namespace, or the Options of the module
+        """Run it; return the exit code."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -96,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     values = vars(args)
     command, debug = _command(values.pop("command")), values.pop("debug")
     try:
-        code = command.run(command.Options(**values))
+        code = command.run(getattr(command, "Options", argparse.Namespace)(**values))
         sys.stdout.flush()
     except HostError as error:
         return _report(error, str(error), error.exit_code, debug)

@@ -5,19 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from analysis.reporting.comparison import Comparison
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    sources: list[Path]
-    out: Path | None
-    mix: bool
-    force: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -37,7 +28,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--force", action="store_true", help="replace files that exist")
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Compare results, and print or write the comparison.
 
     Raises

@@ -5,22 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 SUFFIXES = {".csv": "csv", ".tum": "tum", ".txt": "tum", ".parquet": "parquet", ".mat": "mat"}
 """Format by the name of the output, where ``--to`` is not given."""
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    file: Path
-    out: Path
-    to: str | None
-    columns: str | None
-    rate: float | None
-    topic: str | None
-    node: int | None
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -48,7 +35,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_read_arguments(parser)
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Read a recording, score it where the format holds end points, and write it.
 
     Raises

@@ -5,19 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from analysis.scoring.trial_score import TrialScore
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    cycles: int
-    scenario: str
-    fast: bool
-    out: Path | None
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -36,7 +27,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--out", type=Path, metavar="FILE", help="recording to write (default: rotdrift-trials/DATE)")
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Run the demonstration.
 
     Raises

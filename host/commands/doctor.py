@@ -6,19 +6,10 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from host.doctor.findings import Finding
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    link: str | None
-    seconds: float
-    folder: Path
-    json: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -40,7 +31,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--json", action="store_true", help="print the findings as a JSON list, and nothing else")
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Check machine and link, and print the findings.
 
     Raises

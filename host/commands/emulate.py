@@ -6,26 +6,13 @@ import argparse
 import contextlib
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import threading
     from queue import SimpleQueue
 
     from emulator.faults.definitions import LiveFault
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    scenario: str
-    link: str | None
-    truth: str | None
-    duration: float | None
-    seed: int | None
-    faults_from_stdin: bool
-    until_stdin_ends: bool
-    list: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -58,7 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--list", action="store_true", help="list the scenarios")
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Run the virtual object until it is stopped.
 
     Raises

@@ -5,21 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from host.cards.definitions import Cards
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    folder: str
-    card: list[str] | None
-    source: str | None
-    template: bool
-    schema: bool
-    force: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -44,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--force", action="store_true", help="replace cards that exist")
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Ask for the cards, check them, and write ``object.toml``, ``hand.toml`` and ``trial.toml``.
 
     Raises

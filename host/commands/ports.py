@@ -5,14 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from typing import Any, NamedTuple
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    json: bool
-    probe: bool
+from typing import Any
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -31,7 +24,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """List the ports."""
     rows = _rows()
     if args.probe:

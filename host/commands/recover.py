@@ -6,15 +6,6 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import NamedTuple
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    source: Path
-    target: Path
-    json: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -32,7 +23,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--json", action="store_true", help="print what was found as one JSON object")
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Recover a recording.
 
     Raises

@@ -5,18 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import NamedTuple
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    file: Path
-    speed: float
-    ascii: bool
-    theme: str
-    plain: bool
-    json: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -36,7 +24,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Replay and score.
 
     Raises

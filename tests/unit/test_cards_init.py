@@ -103,7 +103,7 @@ def test_the_template_is_a_card_once_its_comments_are_taken():
 def run(*arguments):
     parser = argparse.ArgumentParser()
     init.add_parser(parser.add_subparsers())
-    return init.run(init.Options(**vars(parser.parse_args(["init", *arguments]))))
+    return init.run(parser.parse_args(["init", *arguments]))
 
 
 def test_without_a_terminal_it_never_waits(tmp_path, monkeypatch):
