@@ -134,10 +134,10 @@ def _run_many(files: list[Path], args: Options) -> int:
     ) as progress:  # fmt: skip
         bar = progress.add_task("scoring", total=len(files))
 
-        def advance(_row: BatchRow) -> None:
+        def report(_row: BatchRow) -> None:
             progress.advance(bar)
 
-        rows = score_many(files, advance, *_choices(args))
+        rows = score_many(files, report, *_choices(args))
     if args.json:
         results = [{"file": str(row.path), "error": row.error, "result": row.result} for row in rows]
         sys.stdout.write(json.dumps({"results": results}, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
@@ -181,7 +181,7 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
 
 
 def _choices(args: Options) -> tuple[ScoreOptions, ReadOptions, Window | None]:
-    """Return how to score, how to read, and which window, as the arguments ask for it."""
+    """Return how to score, how to read, and which window."""
     from analysis.scoring.choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError

@@ -17,7 +17,6 @@ from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen
 from host.text import plain
 from host.trial.live import Trial
-from host.trial.state import LinkView
 
 SECONDS = 5.0
 MAX_JITTER_MS = 20.0
@@ -70,7 +69,7 @@ def _failed(topic: str, error: HostError) -> Finding:
 
 def _measured(trial: Trial, outcome: CaptureOutcome) -> list[Finding]:
     """Return what the samples of a capture show: rate, jitter, losses and clock."""
-    losses = trial.state(time.monotonic_ns(), outcome.elapsed_s, LinkView(), ()).link.losses
+    losses = trial.assembler.losses()
     values = trial.clock_values() or {}
     found = [_rate(trial, losses.received, outcome.elapsed_s)]
     p99, p50 = values.get("jitter_p99_ms"), values.get("jitter_p50_ms")

@@ -1,4 +1,4 @@
-"""Arguments that commands on recordings share: how to read a file, and which window of it to take."""
+"""Arguments that commands on recordings share: how to read a file, and which window of it counts."""
 
 from __future__ import annotations
 
