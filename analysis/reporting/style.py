@@ -16,7 +16,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
-from matplotlib.ft2font import LoadFlags
+from matplotlib.ft2font import LoadFlags, __freetype_version__
 
 from analysis.series import FloatArray
 
@@ -36,6 +36,8 @@ PNG_DPI = 300
 """What journals ask for."""
 SCREEN_DPI = 150
 """For notebooks."""
+FREETYPE_VERSION: str = __freetype_version__
+"""What draws the letters of a PNG: not every build of one matplotlib has the same."""
 
 _SETTINGS: Any = {
     "font.family": "DejaVu Sans",  # ships with matplotlib and has θ̄

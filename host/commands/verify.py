@@ -5,7 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from host.submission.verification import Verification
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -42,28 +47,56 @@ def run(args: argparse.Namespace) -> int:
             "n_trials": found.n_trials,
             "altered": found.altered,
             "differences": found.differences,
-            "uncompared": found.uncompared,
-            "notes": found.notes,
+            "uncompared": list(found.uncompared),
+            "notes": [*found.notes, *(_uncompared_line(reason, names) for reason, names in _by_reason(found))],
         }
         sys.stdout.write(json.dumps(values, indent=2, ensure_ascii=False) + "\n")
-        return 0 if found.equal else 1
-    lines = [f"altered: {line}" for line in found.altered]
-    lines += [f"differs: {line}" for line in found.differences]
-    lines += list(found.notes)
+    else:
+        sys.stdout.write("\n".join(_lines(found)) + "\n")
+    return 0 if found.equal else 1
+
+
+def _lines(found: Verification) -> Iterator[str]:
+    """Report what was not compared first: whoever reads on shall not take silence for agreement."""
+    for reason, names in _by_reason(found):
+        yield _uncompared_line(reason, names)
+        yield from (f"  {line}" for line in _by_folder(names))
+    yield from (f"altered: {line}" for line in found.altered)
+    yield from (f"differs: {line}" for line in found.differences)
+    yield from found.notes
     trials = f"{found.n_trials} trial{'s' * (found.n_trials != 1)}"
-    n_compared = found.n_files - len(found.uncompared)
     if not found.equal:
-        lines.append(
+        yield (
             f"not equal: {len(found.altered)} altered file{'s' * (len(found.altered) != 1)}, "
             f"{len(found.differences)} difference{'s' * (len(found.differences) != 1)}"
         )
     elif found.uncompared:
-        lines.append(
-            f"equal as far as compared: {n_compared} of {found.n_files} files; all numbers of {trials} "
-            "scored again from the raw bytes"
+        yield (
+            f"equal as far as compared: {found.n_files - len(found.uncompared)} of {found.n_files} files; "
+            f"all numbers of {trials} scored again from the raw bytes"
         )
     else:
-        lines.append(f"equal: {found.n_files} files, {trials} scored again from the raw bytes")
-    lines.append(f"digest of the submission: {found.digest}")
-    sys.stdout.write("\n".join(lines) + "\n")
-    return 0 if found.equal else 1
+        yield f"equal: {found.n_files} files, {trials} scored again from the raw bytes"
+    yield f"digest of the submission: {found.digest}"
+
+
+def _by_reason(found: Verification) -> list[tuple[str, list[str]]]:
+    reasons: dict[str, list[str]] = {}
+    for name, reason in found.uncompared.items():
+        reasons.setdefault(reason, []).append(name)
+    return list(reasons.items())
+
+
+def _uncompared_line(reason: str, names: list[str]) -> str:
+    return f"NOT compared: {len(names)} file{'s' * (len(names) != 1)} ({reason})"
+
+
+def _by_folder(names: list[str]) -> list[str]:
+    """Name files with those of the same folder on one line."""
+    from host.text import plain
+
+    folders: dict[str, list[str]] = {}
+    for name in names:
+        folder, slash, file = name.rpartition("/")
+        folders.setdefault(folder + slash, []).append(file)
+    return [plain(f"{folder} {', '.join(files)}", 10**6) for folder, files in folders.items()]

@@ -3,8 +3,8 @@
 Written: entries sorted, stored with fixed time stamps and attributes, deflate at a fixed level; ``SHA256SUMS`` lists
 every other file (``sha256sum -c SHA256SUMS`` checks it too). Read: number of entries, size of each, sum of sizes, ratio
 of compression, names that leave the folder, links, duplicates and encryption are limited or refused before anything is
-unpacked, and the limits are counted on what really comes out, not on what the headers claim. Nothing is ever written
-to disk while reading.
+unpacked; what is unpacked must be what the headers claim, and no byte may be left that belongs to no file. Nothing is
+ever written to disk while reading.
 """
 
 from __future__ import annotations
@@ -17,8 +17,10 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import BinaryIO
 
 from analysis.reporting.errors import BundleError
+from host.text import plain
 
 MANIFEST = "SHA256SUMS"
 ZIP_TIME = (1980, 1, 1, 0, 0, 0)
@@ -33,7 +35,8 @@ MAX_RATIO = 200
 RATIO_FREE_BYTES = 10 * 2**20
 """Below this size no ratio is suspicious."""
 MAX_NAME = 240
-_BLOCK = 2**20
+_LOCAL_HEADER, _DIRECTORY_ENTRY, _DIRECTORY_END = 30, 46, 22
+"""Sizes of the fixed parts of a zip, B; a name follows the first two."""
 _READ_ERRORS = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError, RuntimeError)
 
 
@@ -112,19 +115,53 @@ def read_bundle(path: Path, limits: BundleLimits | None = None) -> dict[str, byt
     limits = limits or BundleLimits()
     try:
         with zipfile.ZipFile(path) as archive:
-            entries = archive.infolist()
-            _check_entries(entries, limits)
-            files: dict[str, bytes] = {}
-            room = limits.total_bytes
-            for entry in entries:
-                files[entry.filename] = _content(archive, entry, min(room, limits.file_bytes))
-                room -= len(files[entry.filename])
+            entries = sorted(archive.infolist(), key=lambda entry: entry.header_offset)
+            directory = archive.start_dir
+        _check_entries(entries, limits)
+        with path.open("rb") as file:
+            files = {entry.filename: _content(file, entry) for entry in entries}
+            names = sum(len(entry.FileHeader()) - _LOCAL_HEADER for entry in entries)
+            end = file.tell() + names + _DIRECTORY_ENTRY * len(entries) + _DIRECTORY_END
+            if file.tell() != directory or path.stat().st_size != end:
+                raise BundleError("refused: there are bytes behind the files, or a comment")
     except BundleError:
         raise
     except FileNotFoundError as error:
         raise BundleError(f"there is no file {path}") from error
     except _READ_ERRORS as error:
         raise BundleError(f"{path.name} is not a readable zip ({type(error).__name__}: {error})") from error
+    return files
+
+
+def read_folder(folder: Path) -> dict[str, bytes]:
+    """Read every file of an unpacked bundle, within the same limits; links are refused.
+
+    Parameters
+    ----------
+    folder
+        Where it was unpacked.
+
+    Returns
+    -------
+    Content by name, the manifest included.
+
+    Raises
+    ------
+    BundleError
+        A link, or more than a bundle may hold.
+    """
+    files: dict[str, bytes] = {}
+    total = 0
+    for place in sorted(folder.rglob("*")):
+        name = place.relative_to(folder).as_posix()
+        if place.is_symlink() or not (place.is_file() or place.is_dir()):
+            raise BundleError(f"refused: {plain(name)} is a link or device, not a file")
+        if place.is_dir():
+            continue
+        total += place.stat().st_size
+        if total > MAX_TOTAL_BYTES or len(files) >= MAX_ENTRIES:
+            raise BundleError("refused: more than a submission may hold")
+        files[name] = place.read_bytes()
     return files
 
 
@@ -170,31 +207,38 @@ def _check_entries(entries: list[zipfile.ZipInfo], limits: BundleLimits) -> None
         _check_name(entry.filename)
         kind = stat.S_IFMT(entry.external_attr >> 16)
         if kind not in {0, stat.S_IFREG}:
-            raise BundleError(f"refused: {shown(entry.filename)} is a link or device, not a file")
+            raise BundleError(f"refused: {plain(entry.filename)} is a link or device, not a file")
         if entry.flag_bits & 0x1:
-            raise BundleError(f"refused: {shown(entry.filename)} is encrypted")
+            raise BundleError(f"refused: {plain(entry.filename)} is encrypted")
         if entry.filename.lower() in seen:
-            raise BundleError(f"refused: {shown(entry.filename)} is there twice")
+            raise BundleError(f"refused: {plain(entry.filename)} is there twice")
         seen.add(entry.filename.lower())
         total += entry.file_size
-        if entry.file_size > limits.file_bytes or total > limits.total_bytes:
-            raise BundleError(f"refused: {shown(entry.filename)} claims {entry.file_size} bytes, {total} in all so far")
+        if max(entry.file_size, entry.compress_size) > limits.file_bytes or total > limits.total_bytes:
+            raise BundleError(f"refused: {plain(entry.filename)} claims {entry.file_size} bytes, {total} in all so far")
         if entry.file_size > RATIO_FREE_BYTES and entry.file_size > limits.ratio * max(entry.compress_size, 1):
             raise BundleError(
-                f"refused: {shown(entry.filename)} would unpack to {entry.file_size / max(entry.compress_size, 1):.0f} "
+                f"refused: {plain(entry.filename)} would unpack to {entry.file_size / max(entry.compress_size, 1):.0f} "
                 "times its size"
             )
 
 
-def _content(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, most: int) -> bytes:
-    parts, size = [], 0
-    with archive.open(entry) as file:
-        while block := file.read(_BLOCK):
-            size += len(block)
-            if size > most or size > entry.file_size:
-                raise BundleError(f"refused: {shown(entry.filename)} unpacks to more than it claims")
-            parts.append(block)
-    return b"".join(parts)
+def _content(file: BinaryIO, entry: zipfile.ZipInfo) -> bytes:
+    """Read the next entry and refuse whatever ``zipfile`` skips, since no checksum would cover it."""
+    name, header = plain(entry.filename), entry.FileHeader()
+    if entry.header_offset != file.tell() or file.read(len(header)) != header:
+        raise BundleError(f"refused: what stands in front of {name} is not its header alone")
+    content = packed = file.read(entry.compress_size)
+    if entry.compress_type == zipfile.ZIP_DEFLATED:
+        inflater = zlib.decompressobj(-zlib.MAX_WBITS)
+        content = inflater.decompress(packed, entry.file_size + 1)
+        if inflater.unused_data:
+            raise BundleError(f"refused: {name} holds bytes behind its content")
+    elif entry.compress_type != zipfile.ZIP_STORED:
+        raise BundleError(f"refused: {name} is neither stored nor deflated")
+    if len(content) != entry.file_size or zlib.crc32(content) != entry.CRC:
+        raise BundleError(f"refused: {name} does not unpack to what it claims")
+    return content
 
 
 def _check_name(name: str) -> None:
@@ -210,9 +254,4 @@ def _check_name(name: str) -> None:
         or ":" in name
         or any(ord(character) < 32 or ord(character) == 127 for character in name)
     ):
-        raise BundleError(f"refused: a file named '{shown(name)}'")
-
-
-def shown(name: str) -> str:
-    """Make a name from a foreign file harmless to print."""
-    return "".join(character if character.isprintable() else "?" for character in name[:120])
+        raise BundleError(f"refused: a file named '{plain(name)}'")

@@ -13,9 +13,8 @@ from analysis.reporting.result_view import ResultView
 from analysis.reporting.tables import TrialFigure
 from analysis.scoring.trial_score import RESULT_FORMAT
 from host.errors import FileError, UsageError, unreadable
-from host.submission.bundle import check_manifest, read_bundle
+from host.submission.bundle import check_manifest, read_bundle, read_folder
 from host.submission.manifest import CARD, CONVENTIONS, SCORE_VERSION, Submission, parse_submission
-from host.submission.verification import read_folder
 from host.text import plain
 
 MAX_RESULT_BYTES = 64 * 2**20

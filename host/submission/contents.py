@@ -6,23 +6,21 @@
 
 from __future__ import annotations
 
-import platform
 import re
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import msgspec
 
-from analysis.reporting import overview
-from analysis.reporting import style as look
-from analysis.reporting.figure_set import NamedFigure, draw_figures
+from analysis.reporting import overview, style
+from analysis.reporting.figure_set import draw_figures
 from analysis.reporting.html import report_html
 from analysis.reporting.pdf import report_pdf
 from analysis.reporting.tables import TrialFigure, pool, summary_csv, summary_latex, summary_markdown
 from host.errors import UsageError
+from host.submission.made_with import made_with
 from host.submission.manifest import (
     CARD,
     CONVENTIONS,
@@ -36,7 +34,6 @@ from host.submission.manifest import (
 from host.submission.source import TrialSource
 from host.submission.trial_files import BuiltTrial, build_trial
 from host.submission.trial_labels import trial_labels
-from host.version import VERSION
 
 DEFAULT_TITLE = "Rotation Drift Benchmark submission"
 
@@ -63,24 +60,12 @@ class BuiltSubmission:
     """What to tell the person: fields filled in, contradictions, formats left out."""
 
 
-def made_with() -> dict[str, str]:
-    """Name the versions that decide the bytes of a submission; without pyarrow it holds no parquet."""
-    packages = {}
-    for name in ("matplotlib", "numpy", "scipy", "pyarrow"):
-        try:
-            packages[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return {"rotdrift": VERSION, "python": platform.python_version(), **packages}
-
-
 def build_submission(
     sources: Sequence[TrialSource],
     *,
     title: str = DEFAULT_TITLE,
     versions: dict[str, str] | None = None,
     drawings: bool = True,
-    accept: Callable[[str, bytes], bytes] | None = None,
 ) -> BuiltSubmission:
     """Score every trial and make every file of the submission.
 
@@ -91,12 +76,9 @@ def build_submission(
     title : str
         Title of the report.
     versions : dict, optional
-        What to write as ``made_with``; by default :func:`made_with`.
+        What to write as ``made_with``; by default those installed here.
     drawings : bool
         Whether to make figures and reports; without them only data and numbers are made.
-    accept : callable, optional
-        Takes name and content of a figure, and returns what the reports shall show in its place: verifying puts the
-        figures of the bundle there once they are found to show the same, so that reports can be compared byte by byte.
 
     Raises
     ------
@@ -144,7 +126,7 @@ def build_submission(
     for trial in trials:
         files.update({f"trials/{trial.entry.id}/{name}": content for name, content in trial.files.items()})
     if drawings:
-        files.update(_drawings(trials, title, versions, accept or (lambda _, content: content)))
+        files.update(_drawings(trials, title, versions.get("rotdrift", "")))
     notes = _notes(trials)
     if "pyarrow" not in versions:
         notes += ("no samples as parquet: that needs pyarrow (pip install 'rotdrift[parquet]')",)
@@ -160,27 +142,20 @@ def _refuse_twins(sources: Sequence[TrialSource]) -> None:
         seen[source.sha256] = source.file_name
 
 
-def _drawings(
-    trials: Sequence[BuiltTrial], title: str, versions: dict[str, str], accept: Callable[[str, bytes], bytes]
-) -> dict[str, bytes]:
-    files: dict[str, bytes] = {}
-    shown: dict[str, tuple[NamedFigure, ...]] = {}
-    for trial in trials:
-        folder = f"trials/{trial.entry.id}/figures"
-        figures = []
-        for figure in draw_figures(trial.report):
-            own = {f"{folder}/{figure.name}.{kind}": content for kind, content in figure.files.items()}
-            files.update(own)
-            figures.append(replace(figure, files={Path(name).suffix[1:]: accept(name, own[name]) for name in own}))
-        shown[trial.entry.id] = tuple(figures)
+def _drawings(trials: Sequence[BuiltTrial], title: str, version: str) -> dict[str, bytes]:
     reports = [trial.report for trial in trials]
+    drawn = {report.id: draw_figures(report) for report in reports}
+    files = {
+        f"trials/{name}/figures/{figure.name}.{kind}": content
+        for name, figures in drawn.items()
+        for figure in figures
+        for kind, content in figure.files.items()
+    }
     pooled = overview.pooled(reports)
-    own = {f"figures/summary.{kind}": overview.forest(pooled, kind) for kind in look.FORMATS}
-    files.update(own)
-    forest = {Path(name).suffix[1:]: accept(name, content) for name, content in own.items()}
-    program = versions.get("rotdrift", "")
-    files["report.html"] = report_html(reports, title=title, version=program, drawn=shown, forest=forest).encode()
-    files["report.pdf"] = report_pdf(reports, title=title, version=program, drawn=shown, forest=forest)
+    forest = {kind: overview.forest(pooled, kind) for kind in style.FORMATS}
+    files.update({f"figures/summary.{kind}": content for kind, content in forest.items()})
+    files["report.html"] = report_html(reports, title=title, version=version, drawn=drawn, forest=forest).encode()
+    files["report.pdf"] = report_pdf(reports, title=title, version=version, drawn=drawn, forest=forest)
     return files
 
 

@@ -5,6 +5,7 @@ import io
 import struct
 import subprocess
 import zipfile
+import zlib
 
 import pytest
 from hypothesis import given
@@ -129,6 +130,78 @@ def test_a_lie_about_the_size_is_noticed_while_unpacking(tmp_path):
     lying = honest.replace(struct.pack("<I", 2**20), struct.pack("<I", 100))
     with pytest.raises(BundleError):
         read_bundle(write(tmp_path / "b.zip", lying))
+
+
+def commented(data):
+    return data[:-2] + struct.pack("<H", 5) + b"words"
+
+
+def with_extra_field(data, signature, length_at, end_at):
+    """Give the last header of this kind a well-formed field that no reader knows."""
+    place = data.rindex(signature)
+    (length,) = struct.unpack_from("<H", data, place + length_at - 2)
+    field = struct.pack("<HH", 0xCAFE, 4) + b"hide"
+    start = place + end_at + length
+    changed = bytearray(data[:start] + field + data[start:])
+    struct.pack_into("<H", changed, place + length_at, len(field))
+    end = changed.rindex(b"PK\5\6")
+    at = 12 if signature == b"PK\1\2" else 16  # the directory is longer, or begins later
+    struct.pack_into("<I", changed, end + at, struct.unpack_from("<I", changed, end + at)[0] + len(field))
+    return bytes(changed)
+
+
+def between(data):
+    """Put bytes in front of the second file and correct every offset behind."""
+    first = data.index(b"PK\3\4", 4)
+    changed = bytearray(data[:first] + b"hidden" + data[first:])
+    place = changed.index(b"PK\1\2")
+    while (place := changed.find(b"PK\1\2", place + 1)) > 0:
+        struct.pack_into("<I", changed, place + 42, struct.unpack_from("<I", changed, place + 42)[0] + 6)
+    end = changed.rindex(b"PK\5\6")
+    struct.pack_into("<I", changed, end + 16, struct.unpack_from("<I", changed, end + 16)[0] + 6)
+    return bytes(changed)
+
+
+def behind_the_deflated(_):
+    """Pack a file with bytes behind the end of its deflate stream, counted as packed."""
+    packed = zlib.compress(b"1,2\n", wbits=-15) + b"hidden"
+    header = struct.pack("<5HIIIHH", 20, 0, 8, 0, 33, zlib.crc32(b"1,2\n"), len(packed), 4, 1, 0)
+    start = b"PK\3\4" + header + b"a" + packed
+    directory = b"PK\1\2" + struct.pack("<H", 0x0314) + header + bytes(14) + b"a"
+    return start + directory + b"PK\5\6" + struct.pack("<4HIIH", 0, 0, 1, 1, len(directory), len(start), 0)
+
+
+@pytest.mark.parametrize(
+    "hide",
+    [
+        lambda data: b"#!/bin/sh\n" + data,
+        lambda data: data + b"\0",
+        commented,
+        lambda data: with_extra_field(data, b"PK\3\4", 28, 30),
+        lambda data: with_extra_field(data, b"PK\1\2", 30, 46),
+        between,
+        behind_the_deflated,
+    ],
+    ids=["in front", "behind", "comment", "field of a file", "field in the directory", "between", "in a file"],
+)
+def test_bytes_that_belong_to_no_file_are_refused(tmp_path, hide):
+    path = write(tmp_path / "a.zip", hide(bundle_bytes(FILES)))
+    with zipfile.ZipFile(path) as archive:
+        assert archive.testzip() is None, "Python reads it: so might everybody"
+    with pytest.raises(BundleError, match="refused"):
+        read_bundle(path)
+
+
+@pytest.mark.parametrize(("kind", "fine"), [("STORED", True), ("DEFLATED", True), ("BZIP2", False), ("LZMA", False)])
+def test_only_files_stored_or_deflated_are_read(tmp_path, kind, fine):
+    path = tmp_path / "a.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(zipfile.ZipInfo("a"), b"content" * 9, getattr(zipfile, f"ZIP_{kind}"))
+    if fine:
+        assert read_bundle(path) == {"a": b"content" * 9}
+    else:
+        with pytest.raises(BundleError, match="refused: a is neither stored nor deflated"):
+            read_bundle(path)
 
 
 @pytest.mark.parametrize("data", [b"", b"PK", b"not a zip at all", bundle_bytes(FILES)[:-30], bundle_bytes(FILES)[60:]])

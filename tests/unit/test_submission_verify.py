@@ -11,7 +11,8 @@ from analysis.formats.named_csv import csv_text
 from host.cards.definitions import Cards, parse_cards
 from host.errors import FileError, UsageError
 from host.submission.bundle import MANIFEST, bundle_bytes, manifest_text
-from host.submission.contents import build_submission, made_with
+from host.submission.contents import build_submission
+from host.submission.made_with import made_with
 from host.submission.manifest import parse_submission, submission_schema
 from host.submission.source import Choices, TrialSource, load_source
 from host.submission.trial_labels import trial_labels
