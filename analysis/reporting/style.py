@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import io
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -15,8 +14,8 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties, findfont, get_font
-from matplotlib.ft2font import LoadFlags, __freetype_version__
+from matplotlib.font_manager import findfont, get_font
+from matplotlib.ft2font import __freetype_version__
 
 from analysis.series import FloatArray
 
@@ -126,65 +125,6 @@ def vector(parts: Sequence[float] | FloatArray, digits: int = 2) -> str:
         After the point.
     """
     return "(" + ", ".join(f"{part:+.{digits}f}" for part in parts).replace("-", "−") + ")"
-
-
-@functools.cache
-def _advance(character: str, *, bold: bool) -> float:
-    font = get_font(findfont(FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal")))
-    return float(font.load_char(ord(character), flags=LoadFlags.NO_SCALE).horiAdvance) / float(font.units_per_EM)
-
-
-def text_width_in(text: str, size: float, *, bold: bool = False) -> float:
-    """Give the width of a line in inches, as it will be set.
-
-    Parameters
-    ----------
-    text
-        One line, :func:`drawable`.
-    size
-        Of the letters, points.
-    bold
-        Whether they are bold.
-    """
-    return sum(_advance(character, bold=bold) for character in text) * size / 72.0
-
-
-def wrapped(text: str, width_in: float, size: float, *, bold: bool = False) -> list[str]:
-    """Break a text into lines no wider than so many inches: at spaces, and longer words after a hyphen or slash.
-
-    Parameters
-    ----------
-    text
-        Any text; what cannot be drawn is replaced.
-    width_in
-        Room, inches.
-    size
-        Of the letters, points.
-    bold
-        Whether they are bold.
-    """
-    lines = []
-    for paragraph in drawable(text).split("\n"):
-        line = ""
-        for word in paragraph.split(" "):
-            longer = f"{line} {word}" if line else word
-            if text_width_in(longer, size, bold=bold) <= width_in:
-                line = longer
-                continue
-            if line:
-                lines.append(line)
-            line = ""
-            for piece in re.findall(r"[^-_/]*[-_/]+|[^-_/]+$", word):
-                if line and text_width_in(line + piece, size, bold=bold) > width_in:
-                    lines.append(line)
-                    line = ""
-                for character in piece:
-                    if line and text_width_in(line + character, size, bold=bold) > width_in:
-                        lines.append(line)
-                        line = ""
-                    line += character
-        lines.append(line)
-    return lines
 
 
 def settle(figure: Figure) -> None:

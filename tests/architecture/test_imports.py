@@ -54,6 +54,7 @@ def test_rooms_do_not_look_into_each_other(package, forbidden):
         ("matplotlib", ["analysis/reporting/"]),
         ("plotly", ["analysis/reporting/"]),
         ("jinja2", ["analysis/reporting/"]),
+        ("fpdf", ["analysis/reporting/"]),
         ("mcap", ["host/record"]),
         ("rich", ["host/"]),
         ("emulator", ["host/commands/", "emulator/"]),

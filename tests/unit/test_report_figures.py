@@ -193,14 +193,3 @@ def test_without_time_stamps_nothing_is_said_of_missing_samples(trial):
 def test_characters_without_a_glyph_become_visible_marks():
     assert look.drawable("θ̄ ° ok") == "θ̄ ° ok"
     assert look.drawable("\x1b[31m漢") == "\ufffd[31m\ufffd"
-
-
-@pytest.mark.parametrize("text", ["t42--cube-60-x-60--pitch--01", "-", "a" * 80, "/x/" * 30, "two words of-it", ""])
-def test_no_line_is_wider_than_its_room_and_nothing_is_lost(text):
-    lines = look.wrapped(text, 0.6, 7.0)
-    assert all(look.text_width_in(line, 7.0) <= 0.6 for line in lines)
-    assert "".join(lines).replace(" ", "") == text.replace(" ", "")
-
-
-def test_an_id_is_broken_after_a_hyphen():
-    assert look.wrapped("t42--cube--pitch--01", 0.8, 7.0) == ["t42--cube--", "pitch--01"]
