@@ -163,6 +163,7 @@ class Pages(FPDF):
     def __init__(self, title: str, program: str) -> None:
         super().__init__(format="A4")
         self.set_margin(MARGIN_MM)
+        self.c_margin = 0.0
         self._running, self._program = style.drawable(title), program
         self.set_title(self._running)
         self.set_creator(program)
@@ -193,7 +194,7 @@ class Pages(FPDF):
             self.set_y(8)
             self._letters(6.5, style.GREY)
             first, *more = self._lines(self._running, self.epw - 3)
-            self.cell(w=self.epw, text=first + "…" * bool(more), align="C")
+            self.cell(w=self.epw, text=first + "…" * bool(more))
             self.set_y(self.t_margin)
 
     def footer(self) -> None:
@@ -201,7 +202,7 @@ class Pages(FPDF):
         self.set_y(-10)
         self._letters(6.5, style.GREY)
         text = f"{self._program} · {wording.CARD_REFERENCE} · page {self.page_no()} of {_N_PAGES}"
-        self.cell(w=self.epw, text=text, align="C")
+        self.cell(w=self.epw, text=text)
 
     def room(self, height_mm: float) -> None:
         """Begin a new page unless so much is left on this one."""
@@ -262,9 +263,8 @@ class Pages(FPDF):
         for figure in figures:
             width_px, height_px = _pixels(figure.files["png"])
             height = width * height_px / width_px
-            caption = figure.caption
             self._letters(size, style.GREY)
-            needed = height + len(self._lines(caption, width)) * size * _LINE_MM + 4
+            needed = height + len(self._lines(figure.caption, width)) * size * _LINE_MM + 4
             if figure is figures[0]:
                 self.heading(title, room_mm=min(needed + 15, self.eph))
                 tops = [self.y, self.y]
@@ -276,7 +276,7 @@ class Pages(FPDF):
             self.image(io.BytesIO(figure.files["png"]), left, tops[column], width)
             self._letters(size, style.GREY)
             self.set_xy(left, tops[column] + height)
-            self.multi_cell(width, size * _LINE_MM, style.drawable(caption), align="L")
+            self.multi_cell(width, size * _LINE_MM, style.drawable(figure.caption), align="L")
             tops[column] += needed
         self.set_y(max(tops))
 
