@@ -57,7 +57,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _lines(found: Verification) -> Iterator[str]:
-    """Report what was not compared first: whoever reads on shall not take silence for agreement."""
+    """Report what was not compared first: whoever reads on shall not take silence for agreement.
+
+    Yields
+    ------
+    str
+        Lines for a person.
+    """
     for reason, names in _by_reason(found):
         yield _uncompared_line(reason, names)
         yield from (f"  {line}" for line in _by_folder(names))
