@@ -17,6 +17,8 @@ import threading
 import zipfile
 from pathlib import Path
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # how sums are split over threads changes their last digits
+
 from firmware_protocol.can.frames import pack_frames
 from host.capture.playback import play, recorded_actions, recorded_commands
 from host.cli import main
@@ -196,8 +198,11 @@ def all_results():
 
 def _main(arguments):
     changed = 0
+    if arguments not in ([], ["--exact"]):
+        print(__doc__)
+        return 2
     for name, results in all_results():
-        if "--exact" in arguments:
+        if arguments:
             found = list(differences(stored(name), results))
             changed += len(found)
             print(name, *(found[:20] or ["equal"]), sep="\n  ")
