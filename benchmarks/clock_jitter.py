@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.clock_links import LINKS, FloatArray, IntArray, SimulatedLink
-from host.clock.device_clock import ClockEstimate, ClockEstimator
+from host.clock.estimate import ClockEstimate
+from host.clock.estimator import ClockEstimator
 from host.clock.remap import remap
 
 GOALS_MS = {"usb": 0.1, "ftdi": 0.3, "can": 0.04, "ble": 0.7}
@@ -106,7 +107,7 @@ def main() -> None:
             live = causal(link)
             after_s = max(live.warm_up_s, 60.0)
             p50, p99, worst = np.percentile(error_ms(link, live.host_ns, live.warm_up_s), [50, 99, 100])
-            offline = remap(link.device_us % 2**32, link.arrival_ns)
+            offline = remap(link.device_us, link.arrival_ns)
             plain = regression(link, live.estimate.window_s)
             print(
                 f"{link.name + (', busy' if busy else ''):45} {GOALS_MS.get(name, float('nan')):5.2f} {p50:8.3f}"

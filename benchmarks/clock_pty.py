@@ -29,9 +29,10 @@ from emulator.runner import run
 from emulator.scenario import Scenario, load_scenario
 from firmware_protocol.packets import OrientationBatch, Start, TimeReply, TimeRequest
 from firmware_protocol.serial.decoder import StreamDecoder, encode_command
-from host.clock.device_clock import DeviceClock as HostClock
+from host.clock.estimator import ClockEstimator
 from host.clock.remap import remap
 from host.links import open_transport
+from host.stream.samples import SampleAssembler
 
 SEED = 7
 
@@ -93,8 +94,10 @@ def main() -> None:
     parser.add_argument("--busy", type=int, default=os.cpu_count() or 1, help="processes that keep a core busy")
     parser.add_argument("--rate", type=int, default=100, help="samples per second")
     options = parser.parse_args()
-    clock, decoder = HostClock(), StreamDecoder()
-    ticks, unwrapped, mapped, arrivals = [], [], [], []
+    clock, assembler, decoder = ClockEstimator(), SampleAssembler(), StreamDecoder()
+    unwrapped: list[npt.NDArray[np.int64]] = []
+    mapped, arrivals = [], []
+    assembler.on_samples.append(lambda samples: unwrapped.append(samples.device_time_us))
     sent_ns = next_request_ns = 0
     with processes(options.rate, options.busy) as uri, open_transport(uri) as transport:
         transport.write(encode_command(Start(1)))
@@ -105,13 +108,14 @@ def main() -> None:
                 continue
             for item in decoder.feed(chunk.data):
                 if isinstance(item, OrientationBatch):
-                    times = clock.feed(item.device_time_us, chunk.host_time_ns)
-                    ticks.append(item.device_time_us)
-                    unwrapped.append(times.device_time_unwrapped_us)
-                    mapped.append(times.host_time_ns)
-                    arrivals.append(np.full(len(times), chunk.host_time_ns))
+                    assembler.feed([item], chunk.host_time_ns)
+                    mapped.append(clock.map(unwrapped[-1], chunk.host_time_ns))
+                    arrivals.append(np.full(len(item), chunk.host_time_ns))
                 elif isinstance(item, TimeReply):
-                    clock.feed_round_trip(sent_ns, item.receive_uptime_us, item.transmit_uptime_us, chunk.host_time_ns)
+                    receive_us = assembler.locate_us(item.receive_uptime_us, chunk.host_time_ns)
+                    transmit_us = assembler.locate_us(item.transmit_uptime_us, chunk.host_time_ns)
+                    if receive_us is not None and transmit_us is not None:
+                        clock.feed_round_trip(sent_ns, receive_us, transmit_us, chunk.host_time_ns)
             if time.monotonic_ns() > next_request_ns:
                 sent_ns = time.monotonic_ns()
                 next_request_ns = sent_ns + 10**9
@@ -131,7 +135,7 @@ def main() -> None:
     print(f"{len(device_us)} samples at {options.rate} Hz, {options.busy} busy processes on {os.cpu_count()} cores")
     warm_s = options.duration / 2 if estimate.warm_up_s is None else estimate.warm_up_s
     describe("live, lower envelope", np.concatenate(mapped), warm_s)
-    describe("offline, lower envelope", remap(np.concatenate(ticks), arrival_ns).host_time_ns, 0.0)
+    describe("offline, lower envelope", remap(device_us, arrival_ns).host_time_ns, 0.0)
     x, y = 1e-6 * (device_us - device_us[0]), 1e-9 * (arrival_ns - origin_ns)
     describe("offline, plain regression", origin_ns + 1e9 * np.polyval(np.polyfit(x, y, 1), x), 0.0)
     describe("arrival itself", arrival_ns, 0.0)

@@ -9,18 +9,18 @@ import argparse
 
 import numpy as np
 
-from host.clock.device_clock import ClockUnwrapper
+from host.clock.unwrap import ClockUnwrapper
 
 MODULUS = 2**32
 
 
 def wrong_samples(rng: np.random.Generator, longest_gap_s: float) -> tuple[int, int, int]:
-    """Feed one stream of 60 chunks; return samples, wrong samples, and steps told although there was none."""
+    """Feed one stream of 60 chunks; return samples, wrong samples, and jumps although there was none."""
     unwrapper = ClockUnwrapper()
     rate = 1 + 1e-6 * rng.uniform(-200, 200)
     first_us = int(rng.integers(0, MODULUS))
     host_s = sent_s = 0.0
-    n = wrong = 0
+    n = wrong = jumps = 0
     for _ in range(60):
         # Gaps of every length from 10 ms on; one chunk in five is late, by up to 20 s.
         host_s += 0.01 * (longest_gap_s / 0.01) ** rng.random()
@@ -33,12 +33,16 @@ def wrong_samples(rng: np.random.Generator, longest_gap_s: float) -> tuple[int, 
         if len(truth) > 1 and rng.random() < 0.3:
             k = rng.integers(1, len(truth))
             truth[[k - 1, k]] = truth[[k, k - 1]]
-        unwrapped = unwrapper.feed((truth % MODULUS).astype(np.uint32), int(1e9 * host_s))
+        unwrapped = unwrapper.unwrap((truth % MODULUS).astype(np.uint32), int(1e9 * host_s))
+        if len(unwrapped) < len(truth):
+            jumps += 1
+            unwrapper.new_segment()
+            truth = truth[: len(unwrapped)]
         if n == 0:
             shift = int(truth[0]) // MODULUS * MODULUS  # a segment starts within the first wrap
         n += len(truth)
         wrong += int((unwrapped + shift != truth).sum())
-    return n, wrong, len(unwrapper.take_steps())
+    return n, wrong, jumps
 
 
 def main() -> None:

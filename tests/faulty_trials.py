@@ -5,6 +5,7 @@ from emulator.links.memory_link import MemoryLink
 from emulator.virtual_object import VirtualObject
 from host.links.transport import Chunk
 from host.stream.decoding import Link
+from host.stream.samples import SampleAssembler
 from host.stream.session import Session, SessionSettings
 from tests.recorded_trials import MONOTONIC_NS
 
@@ -17,8 +18,9 @@ def faulty_chunks(scenario, step_s=0.01, seed=None):
     virtual, link = VirtualObject(scenario, seed), MemoryLink()
     link.open()
     injector = FaultInjector(virtual, link)
-    host = Link()
+    host, assembler = Link(), SampleAssembler()
     session = Session(SessionSettings(), "memory:", MONOTONIC_NS)
+    assembler.on_segment.append(session.new_segment)
     chunks, now_s, step, was_there = [], 0.0, 0, True
     while now_s < virtual.end_s + SETTLE_S:
         step += 1
@@ -30,12 +32,15 @@ def faulty_chunks(scenario, step_s=0.01, seed=None):
         if link.connected and not was_there:
             chunks.append(Chunk(b"", now_ns))
             host.feed(chunks[-1])
+            assembler.reopened()
             session.reopened(now_ns)
         was_there = link.connected
         data = link.take()
         if data:
             chunks.append(Chunk(data, now_ns))
-            session.feed(host.feed(chunks[-1]), len(data), now_ns)
+            items = host.feed(chunks[-1])
+            assembler.feed(items, now_ns)
+            session.feed(items, len(data), now_ns)
         for command in session.due(now_ns):
             if link.connected:
                 link.put_bytes(command)

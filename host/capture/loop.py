@@ -125,6 +125,8 @@ class Capture:
         self._session = (
             Session(settings.session, transport.name, now_ns(), transport.encode_command) if transport.is_live else None
         )
+        if self._session is not None:
+            trial.assembler.on_segment.append(self._session.new_segment)
         self._warnings: list[str] = []
         self._error: HostError | None = None
         self._n_chunks = 0
@@ -216,7 +218,7 @@ class Capture:
             self._trial.feed_round_trips(self._session.take_round_trips())
             self._watch_who_sends(self._session)
         self._record(update, chunk.host_time_ns)
-        if update.decoded:
+        if update.sampled:
             self._last_sample_ns = self._silent_since_ns = chunk.host_time_ns
             if self._first_sample_ns is None:
                 self._first_sample_ns = chunk.host_time_ns

@@ -19,7 +19,7 @@ from host.recording import format as fmt
 from host.recording.arrivals import RecordedRoundTrips
 from host.recording.reader import RecordingReader
 from host.screen.screens import Screen
-from host.stream.session import RoundTrip
+from host.stream.round_trips import RoundTrip
 from host.trial.live import Trial
 from host.trial.operator import OperatorAction, action_of
 from host.trial.state import LinkView, RecordingView, TrialState

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
+import numpy.typing as npt
 
 from host.clock.envelope import DelayLine, Point, envelope_line, line_with_slope, scatter_ns
 from host.clock.estimate import ClockEstimate, EstimatorSettings
+from host.clock.seconds import Seconds
 
-BIN_NS = 10**9
-"""Of every second of host time the least delay is kept."""
 RESIDUALS_KEPT = 2048
 """Of so many chunks the jitter is stated."""
 ROUND_TRIPS_KEPT = 64
@@ -58,15 +58,16 @@ class ClockEstimator:
         return self._start_ns
 
     def new_segment(self) -> int:
-        """Start anew: the device clock was reset, or may have been. The skew is kept as a first guess.
+        """Start again: the device clock was reset, or may have been. The skew is kept as a first guess.
 
         Returns
         -------
         int
-            The number of the new segment.
+            The number of the segment; unchanged if the present one has no sample yet.
         """
-        self._segment += 1
-        self._start_segment()
+        if self._line is not None:
+            self._segment += 1
+            self._start_segment()
         return self._segment
 
     def _start_segment(self) -> None:
@@ -79,18 +80,34 @@ class ClockEstimator:
         self._bursty = False
         self._residuals: deque[float] = deque(maxlen=RESIDUALS_KEPT)
         self._round_trips: deque[tuple[Point, Point]] = deque(maxlen=ROUND_TRIPS_KEPT)
-        self._forget_bins()
+        self._forget_seconds()
 
-    def _forget_bins(self) -> None:
-        self._bins: deque[Point] = deque()
-        self._late: list[Point] = []  # seconds in a row, up to the last one, far above the line
-        self._late_least_ns = float("inf")
-        self._open_bin = 0
-        self._open_point: Point | None = None
-        self._open_residual_ns = float("inf")
+    def _forget_seconds(self) -> None:
+        self._seconds = Seconds()
         self._warm = False
         self._scatter_ns = 0.0
         self._slope_uncertainty = float("inf")  # ns per us
+
+    def map(self, device_us: npt.NDArray[np.int64], host_time_ns: int) -> npt.NDArray[np.int64]:
+        """Take the samples of one chunk into account, and map them to host time.
+
+        Parameters
+        ----------
+        device_us : (n,) int64
+            Their device time, unwrapped, us; n >= 1.
+        host_time_ns
+            Arrival of the chunk, ns, monotonic.
+
+        Returns
+        -------
+        (n,) int64
+            Host time at which each was taken, plus the link's constant delay, ns, as known now. From chunk to chunk it
+            may go back by the estimate's correction: order samples by device time.
+        """
+        newest_us, oldest_us = int(device_us.max()), int(device_us.min())
+        self.feed(newest_us, host_time_ns, newest_us - oldest_us)
+        assert self._line is not None  # it has just been fed
+        return self._line.to_host_ns(device_us)
 
     def feed(self, device_us: int, host_time_ns: int, span_us: int = 0) -> float | None:
         """Take the newest sample of a chunk into account.
@@ -111,7 +128,7 @@ class ClockEstimator:
             has begun then, and this sample belongs to it.
         """
         delay_ns = host_time_ns - 1000 * device_us
-        step_ns = self._close_bin(host_time_ns) if host_time_ns // BIN_NS != self._open_bin else None
+        step_ns = self._close_second(host_time_ns) if self._seconds.is_new(host_time_ns) else None
         line = self._line
         if line is None:
             self._start_ns = host_time_ns
@@ -129,12 +146,10 @@ class ClockEstimator:
             residual_ns = 0.0
         if gap_us > 1e6 * self._window_s():
             # What was known of the offset is too old; of the skew it is the best guess.
-            self._forget_bins()
+            self._forget_seconds()
             self._line = DelayLine(device_us, float(delay_ns), line.slope)
             residual_ns = 0.0
-        self._open_bin = host_time_ns // BIN_NS
-        if residual_ns < self._open_residual_ns or residual_ns == 0.0:
-            self._open_point, self._open_residual_ns = (device_us, delay_ns), residual_ns
+        self._seconds.enter((device_us, delay_ns), residual_ns, host_time_ns)
         self._n += 1
         self._newest_us = max(self._newest_us, device_us)
         self._residuals.append(residual_ns)
@@ -162,11 +177,13 @@ class ClockEstimator:
         float or None
             As of :meth:`feed`. A round trip that contradicts itself is ignored.
         """
+        if self._line is None:
+            return None
         low, high = (receive_us, host_send_ns - 1000 * receive_us), (transmit_us, host_receive_ns - 1000 * transmit_us)
         slack_ns = 1e-3 * self.settings.max_skew_ppm * max(0, transmit_us - receive_us)
         if transmit_us < receive_us or low[1] > high[1] + slack_ns:
             return None
-        if self._warm and self._line is not None:
+        if self._warm:
             late_ns = low[1] - self._line.delay_at(receive_us)
             if late_ns > self._early_bound_ns(max(0, receive_us - self._newest_us)):
                 self.new_segment()
@@ -188,9 +205,9 @@ class ClockEstimator:
             x, y = point
             return y + line.slope * (at_us - x) + sign * tolerance * abs(at_us - x)
 
-        uppers = [*self._bins, *(high for _, high in self._round_trips)]
-        if self._open_point is not None:
-            uppers.append(self._open_point)
+        uppers = [*self._seconds.kept, *(high for _, high in self._round_trips)]
+        if self._seconds.best is not None:
+            uppers.append(self._seconds.best)
         low_ns = max((bound(low, -1) for low, _ in self._round_trips), default=None)
         high_ns = min(bound(point, 1) for point in uppers)
         jitter = np.percentile(self._residuals, [50, 99]) if self._residuals else np.zeros(2)
@@ -221,7 +238,7 @@ class ClockEstimator:
 
     def _window(self) -> list[Point]:
         oldest_us = self._newest_us - 1e6 * self._window_s()
-        return [point for point in self._bins if point[0] >= oldest_us]
+        return [point for point in self._seconds.kept if point[0] >= oldest_us]
 
     def _early_bound_ns(self, gap_us: int) -> float:
         settings = self.settings
@@ -231,33 +248,26 @@ class ClockEstimator:
             + (self._slope_uncertainty + 1e-3 * settings.wander_ppm) * gap_us
         )
 
-    def _close_bin(self, host_time_ns: int) -> float | None:
-        """Keep the open bin's best point and refit; return the change of delay if it has been late for too long."""
-        point, self._open_point = self._open_point, None
-        residual_ns, self._open_residual_ns = self._open_residual_ns, float("inf")
+    def _close_second(self, host_time_ns: int) -> float | None:
+        """Keep the past second's best point and refit; return the change of delay if it has been late for too long."""
+        seconds, settings = self._seconds, self.settings
+        point, residual_ns = seconds.close()
         if point is None:
             return None
-        settings = self.settings
         if self._warm and residual_ns > 1e9 * settings.late_step_s + 5 * self._scatter_ns:
-            # Not kept: so late, it tells nothing of the line, unless it goes on like this.
-            self._late.append(point)
-            self._late_least_ns = min(self._late_least_ns, residual_ns)
-            return self._restart_late(host_time_ns) if len(self._late) >= settings.late_step_bins else None
-        self._late, self._late_least_ns = [], float("inf")
-        if not self._bins or point[0] > self._bins[-1][0]:
-            self._bins.append(point)
-        oldest_us = self._newest_us - 1e6 * settings.bursty_window_s
-        while self._bins and self._bins[0][0] < oldest_us:
-            self._bins.popleft()
+            # So late, it says nothing of the line, unless it goes on like this.
+            n_late = seconds.put_aside(point, residual_ns)
+            return self._restart_late(host_time_ns) if n_late >= settings.late_step_bins else None
+        seconds.keep(point, self._newest_us - 1e6 * settings.bursty_window_s)
         self._refit(host_time_ns)
         return None
 
     def _restart_late(self, host_time_ns: int) -> float:
-        """Begin a segment with the late seconds as its first."""
-        late, step_ns = sorted(self._late), self._late_least_ns
+        """Start a segment with the late seconds as its first."""
+        late, step_ns = sorted(self._seconds.late), self._seconds.late_least_ns
         self.new_segment()
         self._start_ns, self._newest_us = 1000 * late[0][0] + late[0][1], late[-1][0]
-        self._bins.extend(late)
+        self._seconds.kept.extend(late)
         self._refit(host_time_ns)
         return step_ns
 
@@ -294,8 +304,8 @@ class ClockEstimator:
     def _judge_bursts(self) -> None:
         """Bursty by the chunks' own span, or by seconds' least delays that beat; half of both to be steady again."""
         settings = self.settings
-        bins = list(self._bins)
-        scatter = scatter_ns(bins, envelope_line(bins)) if len(bins) >= settings.warm_bins else 0.0
+        points = list(self._seconds.kept)
+        scatter = scatter_ns(points, envelope_line(points)) if len(points) >= settings.warm_bins else 0.0
         share = 0.25 if self._bursty else 0.5
         limit_ns = 1e9 * settings.burst_scatter_s * (0.5 if self._bursty else 1.0)
         self._bursty = self._burst_share > share or scatter > limit_ns

@@ -1,12 +1,12 @@
-"""The offline pass: map a recording's raw device ticks to host time with windows centred on each moment.
+"""The offline pass: map a recording's device times to host time with windows centred on each moment.
 
 A live estimate looks back only; with the whole recording at hand the window lies on both sides, which halves the reach
-of the line and needs no warm-up. It starts from what was recorded raw, so it can be repeated with other settings.
+of the line and needs no warm-up. Where segments start, whoever unwrapped the device times has decided.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,17 +15,34 @@ import numpy.typing as npt
 
 from host.clock.envelope import DelayLine, Point, envelope_line, hull_line, line_with_slope
 from host.clock.estimate import EstimatorSettings
-from host.clock.estimator import BIN_NS, ClockEstimator
+from host.clock.estimator import ClockEstimator
 from host.clock.interval import NO_ROUND_TRIPS, OffsetInterval, RoundTrips, offset_interval, unwrapped_round_trips
-from host.clock.unwrap import ClockStep, ClockUnwrapper, UnwrapSettings
+from host.clock.seconds import SECOND_NS
+from host.clock.unwrap import ClockUnwrapper
 
 IntArray = npt.NDArray[np.int64]
 FloatArray = npt.NDArray[np.float64]
 
-BLOCK_NS = BIN_NS // 4
-"""Chunks are unwrapped together over so much host time: earlier ones only seem that much later than they were."""
+BLOCK_NS = SECOND_NS // 4
+"""Steps are measured as if all chunks of so much host time had come with the last of them."""
 SHORT_S = 10.0
 """Over less than this the skew of the longest segment is taken: a few seconds tell no skew."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockStep:
+    """The device clock jumped: a reset, a step, or a host clock that stood still (suspend). A new segment starts."""
+
+    index: int
+    """First sample of the new segment."""
+    segment: int
+    """Its number."""
+    host_time_ns: int
+    """Arrival of that sample, ns, monotonic; where the step is seen late, of the one that showed it."""
+    disagreement_us: int
+    """Device reading minus the host's prediction of it, modulo the wrap, in [-2**31, 2**31) us."""
+    gap_ns: int
+    """Host time since the previous chunk, ns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,24 +90,27 @@ class RemappedClock:
 
 
 def remap(
-    device_time_us: npt.ArrayLike,
+    device_us: npt.ArrayLike,
     arrival_ns: npt.ArrayLike,
-    segment_starts: Sequence[int] = (),
-    unwrap: UnwrapSettings | None = None,
+    segment_starts: Collection[int] = (),
+    jumps: Collection[int] = (),
     settings: EstimatorSettings | None = None,
     round_trips: RoundTrips = NO_ROUND_TRIPS,
 ) -> RemappedClock:
-    """Map raw device ticks to host time by the lower envelope in a centred window.
+    """Map device times to host time by the lower envelope in a centred window.
 
     Parameters
     ----------
-    device_time_us : (n,) uint32
-        Device clock of the samples as received, in order of reception.
+    device_us : (n,) int64
+        Device times of the samples, unwrapped, in order of reception, us.
     arrival_ns : (n,) int64
         Host time of each sample's chunk, ns, monotonic; samples of one chunk have the same.
-    segment_starts
-        Samples at which a new clock segment is known to start: another boot id, a reopened port.
-    unwrap, settings
+    segment_starts : collection of int
+        Samples at which a new clock segment starts for a known cause: another boot id, a reopened port.
+    jumps : collection of int
+        Samples at which one starts because the device clock jumped: the steps of the result, with the small ones that
+        only the envelope shows.
+    settings
         Bounds and windows.
     round_trips
         Answers to TIME_REQUEST: they bound the offset, and do not change the mapping.
@@ -100,29 +120,29 @@ def remap(
     ValueError
         Shapes differ, or arrival goes backwards.
     """
-    ticks = np.asarray(device_time_us, dtype=np.int64)
+    unwrapped = np.asarray(device_us, dtype=np.int64)
     arrival = np.asarray(arrival_ns, dtype=np.int64)
-    if ticks.ndim != 1 or ticks.shape != arrival.shape:
-        raise ValueError(f"device times {ticks.shape} and arrivals {arrival.shape} do not fit together")
+    if unwrapped.ndim != 1 or unwrapped.shape != arrival.shape:
+        raise ValueError(f"device times {unwrapped.shape} and arrivals {arrival.shape} do not fit together")
     if len(arrival) > 1 and (np.diff(arrival) < 0).any():
         raise ValueError(f"arrival goes backwards at sample {int(np.argmax(np.diff(arrival) < 0)) + 1}")
     settings = settings or EstimatorSettings()
-    known = sorted({start for start in segment_starts if 0 < start < len(ticks)})
-    unwrapped, steps = _unwrap(ticks, arrival, known, unwrap)
-    starts = sorted({*known, *(step.index for step in steps)})
+    n = len(unwrapped)
+    known = sorted({start for start in segment_starts if 0 < start < n})
+    starts = sorted({*known, *(start for start in jumps if 0 < start < n)})
     chunks = _Chunks.of(unwrapped, arrival, starts)
     small, bursty = _small_steps(chunks, starts, settings)
-    steps = sorted([*steps, *small], key=lambda step: step.index)
+    steps = sorted([*_measured(unwrapped, arrival, known, starts), *small], key=lambda step: step.index)
     starts = sorted({*starts, *(step.index for step in steps)})
-    bounds = [0, *starts, len(ticks)] if len(ticks) else [0]
-    segment = np.searchsorted(starts, np.arange(len(ticks)), side="right").astype(np.int64)
+    bounds = [0, *starts, n] if n else [0]
+    segment = np.searchsorted(starts, np.arange(n), side="right").astype(np.int64)
     steps = [replace(step, segment=int(segment[step.index])) for step in steps]
 
     window_s = settings.bursty_window_s if bursty else settings.window_s
     pieces = [chunks.within(start, stop) for start, stop in pairwise(bounds)]
     slope = _longest_slope(pieces)
     trips, trip_segment = unwrapped_round_trips(round_trips, unwrapped, arrival, segment)
-    host_ns = np.empty(len(ticks), dtype=np.int64)
+    host_ns = np.empty(n, dtype=np.int64)
     segments = []
     for number, ((start, stop), piece) in enumerate(zip(pairwise(bounds), pieces, strict=True)):
         knots = _knots(piece, slope, window_s)
@@ -182,26 +202,34 @@ class _Chunks:
         return _Chunks(self.first[piece], self.newest_us[piece], self.span_us[piece], self.arrival_ns[piece])
 
 
-def _unwrap(
-    ticks: IntArray, arrival: IntArray, known: list[int], settings: UnwrapSettings | None
-) -> tuple[IntArray, list[ClockStep]]:
-    unwrapper = ClockUnwrapper(settings)
-    unwrapped = np.empty_like(ticks)
-    steps = []
-    cuts = np.unique([0, *known, *(np.flatnonzero(np.diff(arrival // BLOCK_NS)) + 1), len(ticks)]).tolist()
-    known_set = set(known)
-    for start, stop in pairwise(cuts):
-        if start in known_set:
-            unwrapper.new_segment()
-        unwrapped[start:stop] = unwrapper.feed(ticks[start:stop], int(arrival[stop - 1]))
-        steps += [replace(step, index=start + step.index) for step in unwrapper.take_steps()]
-    return unwrapped, steps
+def _measured(unwrapped: IntArray, arrival: IntArray, known: list[int], starts: list[int]) -> list[ClockStep]:
+    """Measure the jumps of the device clock, each against what the segment before it predicts, in blocks of host time.
+
+    Blocks end where segments start for a known cause as well.
+    """
+    steps: list[ClockStep] = []
+    if len(starts) == len(known):
+        return steps
+    blocks = np.unique([0, *known, *(np.flatnonzero(np.diff(arrival // BLOCK_NS)) + 1), len(arrival)])
+    for start, index in pairwise([0, *starts]):
+        if index in known:
+            continue
+        unwrapper = ClockUnwrapper()
+        whole = blocks[slice(*np.searchsorted(blocks, [start, index], side="right"))]
+        for first, last in pairwise([start, *whole.tolist()]):
+            unwrapper.unwrap(unwrapped[first:last], int(arrival[last - 1]))
+        end_ns = int(arrival[blocks[np.searchsorted(blocks, index, side="right")] - 1])
+        if not len(whole):  # the segment before started in this very block: its first sample has to predict
+            unwrapper.unwrap(unwrapped[start : start + 1], end_ns)
+        disagreement_us, gap_ns = unwrapper.jump(int(unwrapped[index]), end_ns)
+        steps.append(ClockStep(index, 0, end_ns, disagreement_us, gap_ns))
+    return steps
 
 
 def _small_steps(chunks: _Chunks, starts: list[int], settings: EstimatorSettings) -> tuple[list[ClockStep], bool]:
     """Find the steps that only the causal estimate can see, and whether the link is bursty."""
     estimator = ClockEstimator(settings)
-    steps = []
+    steps: list[ClockStep] = []
     start_set = set(starts)
     before_ns = 0
     bursty = 0
@@ -219,12 +247,12 @@ def _small_steps(chunks: _Chunks, starts: list[int], settings: EstimatorSettings
     return steps, bursty > 0
 
 
-def _bins(chunks: _Chunks, slope: float) -> list[Point]:
+def _least_delayed(chunks: _Chunks, slope: float) -> list[Point]:
     """Return the least delayed chunk of every second, in order of device time."""
     delay_ns = chunks.arrival_ns - 1000 * chunks.newest_us
     level_ns = delay_ns - slope * (chunks.newest_us - chunks.newest_us[0])
-    order = np.lexsort((level_ns, chunks.arrival_ns // BIN_NS))
-    _, best = np.unique(chunks.arrival_ns[order] // BIN_NS, return_index=True)
+    order = np.lexsort((level_ns, chunks.arrival_ns // SECOND_NS))
+    _, best = np.unique(chunks.arrival_ns[order] // SECOND_NS, return_index=True)
     keep = order[best]
     return sorted(zip(chunks.newest_us[keep].tolist(), delay_ns[keep].tolist(), strict=True))
 
@@ -234,7 +262,7 @@ def _longest_slope(pieces: list[_Chunks]) -> float:
     if not pieces:
         return 0.0
     longest = max(pieces, key=lambda piece: int(piece.newest_us[-1] - piece.newest_us[0]))
-    return envelope_line(_bins(longest, 0.0)).slope
+    return envelope_line(_least_delayed(longest, 0.0)).slope
 
 
 def _knots(chunks: _Chunks, slope: float, window_s: float) -> list[tuple[int, float]]:
@@ -242,7 +270,7 @@ def _knots(chunks: _Chunks, slope: float, window_s: float) -> list[tuple[int, fl
 
     There is one wherever a sixtieth of the window has passed since the last and a sample came.
     """
-    points = _bins(chunks, slope)
+    points = _least_delayed(chunks, slope)
     first, last = points[0][0], points[-1][0]
     if last - first < 1e6 * SHORT_S:
         line = line_with_slope(points, slope)

@@ -5,8 +5,8 @@ than a wrap and every reset, so each sample is placed on its own: the host clock
 sample would read, and the sample is the latest reading of that value that is not beyond the prediction. It may be
 earlier than predicted, because samples arrive late, but hardly later, because nothing arrives before it is sent.
 
-What neither lateness nor the skew of the two clocks explains is not guessed at: it starts a new *segment* and is
-reported as a :class:`ClockStep`.
+What neither lateness nor the skew of the two clocks explains is not guessed at: it is left to the caller, who starts a
+new *segment* there.
 """
 
 from __future__ import annotations
@@ -48,22 +48,6 @@ class UnwrapSettings:
     """... and for at least so many chunks."""
 
 
-@dataclass(frozen=True, slots=True)
-class ClockStep:
-    """The device clock jumped: a reset, a step, or a host clock that stood still (suspend). A new segment begins."""
-
-    index: int
-    """Index in the chunk just fed of the first sample of the new segment."""
-    segment: int
-    """Number of the new segment."""
-    host_time_ns: int
-    """Arrival of the chunk, ns, monotonic."""
-    disagreement_us: int
-    """Device reading minus the host's prediction of it, modulo the wrap, in [-2**31, 2**31) us."""
-    gap_ns: int
-    """Host time since the previous chunk, ns."""
-
-
 def changes(values: npt.NDArray[Number], before: int) -> npt.NDArray[Number]:
     """Differences (n,) of each value to the one before, as ``np.diff`` with ``prepend``, in a fraction of its time.
 
@@ -78,8 +62,11 @@ def changes(values: npt.NDArray[Number], before: int) -> npt.NDArray[Number]:
 class ClockUnwrapper:
     """Unwraps ``device_time_us`` chunk by chunk; one for each object on a link.
 
+    It only says how far a chunk is explained. Whether what nothing explains is a reset, a step or another object, the
+    caller decides (:class:`host.stream.samples.SampleAssembler`, and no one else), and calls :meth:`new_segment`.
+
     Wrong only if the two clocks part by more than the stated bounds, or if a reset brings the clock, by chance, to
-    within these bounds of where it would have been; tell a known reset with :meth:`new_segment`.
+    within these bounds of where it would have been.
 
     Parameters
     ----------
@@ -89,46 +76,25 @@ class ClockUnwrapper:
 
     def __init__(self, settings: UnwrapSettings | None = None) -> None:
         self.settings = settings or UnwrapSettings()
-        self._segment = 0
-        self._steps: list[ClockStep] = []
         self._has_reference = False
         self._start_ns = 0  # host time of the chunk with which settling began
-        self._chunks = 0  # fed since then
+        self._chunks = 0  # since then
         self._last_ns = 0  # host time of the previous chunk
         self._newest_us = 0  # newest unwrapped reading
         self._delay_us = 0.0  # (host - device) of the reference, the least up to the skew allowed since
         self._reference_ns = 0  # its host time
 
     @property
-    def segment(self) -> int:
-        """Number of the present segment, from 0; unwrapped times compare only within one segment."""
-        return self._segment
-
-    @property
     def newest_us(self) -> int | None:
         """Newest unwrapped device time of this segment, us; None before its first sample."""
         return self._newest_us if self._has_reference else None
 
-    def new_segment(self) -> int:
-        """Forget the reference: the object rebooted (another boot id) or the port was reopened.
+    def new_segment(self) -> None:
+        """Forget the reference: the next sample is not compared with those before it."""
+        self._has_reference = False
 
-        Returns
-        -------
-        int
-            The number of the new segment; unchanged if the present one has no sample yet.
-        """
-        if self._has_reference:
-            self._has_reference = False
-            self._segment += 1
-        return self._segment
-
-    def take_steps(self) -> list[ClockStep]:
-        """Return the steps met since the last call, in order, and forget them."""
-        steps, self._steps = self._steps, []
-        return steps
-
-    def feed(self, device_time_us: npt.ArrayLike, host_time_ns: int) -> IntArray:
-        """Unwrap the samples of one chunk.
+    def unwrap(self, device_time_us: npt.ArrayLike, host_time_ns: int) -> IntArray:
+        """Unwrap the samples of one chunk, up to the first that nothing explains.
 
         A segment's first reading is kept as it is, so it starts within [0, 2**32) us.
 
@@ -141,8 +107,9 @@ class ClockUnwrapper:
 
         Returns
         -------
-        (n,) int64
-            Unwrapped device time, us. Where :meth:`take_steps` then names an index, a new segment starts there.
+        (k,) int64
+            Unwrapped device time of the first k samples, us; these are taken into account. Where k < n, the clock jumps
+            at sample k.
 
         Raises
         ------
@@ -152,14 +119,60 @@ class ClockUnwrapper:
         ticks = np.asarray(device_time_us, dtype=np.int64)
         if ticks.ndim != 1:
             raise ValueError(f"device_time_us must be one-dimensional, not {ticks.shape}")
-        unwrapped = np.empty(len(ticks), dtype=np.int64)
-        start = 0
-        while start < len(ticks):
-            start += self._feed_segment(ticks[start:], host_time_ns, unwrapped[start:], start)
-        return unwrapped
+        if not len(ticks):
+            return ticks
+        if not self._has_reference:
+            self._has_reference = True
+            self._start_ns = self._last_ns = self._reference_ns = host_time_ns
+            self._chunks = 0
+            self._newest_us = int(ticks[0])
+            self._delay_us = 1e-3 * host_time_ns - self._newest_us
+        # What a stalled link kept comes late, as at the start: it settles again.
+        stalled = host_time_ns - self._last_ns > 1e9 * self.settings.max_latency_s
+        start_ns, chunks = (host_time_ns, 0) if stalled else (self._start_ns, self._chunks)
+        prediction_us, ahead_us, late_us = self._window(host_time_ns, start_ns, chunks)
+        # Of all readings that differ by whole wraps, the latest that is not beyond the window: nothing comes early.
+        top_us = prediction_us + ahead_us
+        unwrapped = top_us - (top_us - ticks) % DEVICE_CLOCK_MODULUS_US
+        # It may be late, but neither by more than a link can keep, nor far before what came already.
+        newest_us = np.maximum.accumulate(np.maximum(unwrapped, self._newest_us))
+        earliest_us = np.maximum(newest_us - int(1e6 * self.settings.max_reorder_s), prediction_us - late_us)
+        explained = unwrapped >= earliest_us
+        n = len(ticks) if explained.all() else int(np.argmin(explained))
+        if not n:
+            return ticks[:0]
+        self._newest_us = int(newest_us[n - 1])
+        delay_us = 1e-3 * host_time_ns - self._newest_us
+        skew_us = self.settings.max_skew_ppm * 1e-9 * max(0, host_time_ns - self._reference_ns)
+        # The least delay predicts best, but it ages as the clocks drift apart: a chunk nearly as fast renews it.
+        if delay_us <= self._delay_us + skew_us:
+            self._delay_us, self._reference_ns = delay_us, host_time_ns
+        self._start_ns, self._chunks = start_ns, chunks + 1
+        self._last_ns = max(self._last_ns, host_time_ns)
+        return unwrapped[:n]
 
-    def feed_many(self, device_time_us: npt.NDArray[np.uint32], host_time_ns: IntArray) -> IntArray | None:
-        """Unwrap the samples of many chunks at once, as :meth:`feed` would chunk by chunk.
+    def jump(self, device_time_us: int, host_time_ns: int) -> tuple[int, int]:
+        """Measure a reading that nothing explains, without taking it into account.
+
+        Parameters
+        ----------
+        device_time_us, host_time_ns
+            As for :meth:`locate`.
+
+        Returns
+        -------
+        disagreement_us : int
+            The reading minus the prediction, modulo the wrap, in [-2**31, 2**31) us.
+        gap_ns : int
+            Host time since the previous chunk, ns.
+        """
+        prediction_us = int(1e-3 * host_time_ns - self._delay_us)
+        half = DEVICE_CLOCK_MODULUS_US // 2
+        away_us = (device_time_us - prediction_us + half) % DEVICE_CLOCK_MODULUS_US - half
+        return away_us, host_time_ns - self._last_ns
+
+    def unwrap_many(self, device_time_us: npt.NDArray[np.uint32], host_time_ns: IntArray) -> IntArray | None:
+        """Unwrap the samples of many chunks at once, as :meth:`unwrap` would chunk by chunk.
 
         Only where that is plain: the clock runs on, and nothing comes near the bounds.
 
@@ -173,7 +186,8 @@ class ClockUnwrapper:
         Returns
         -------
         (n,) int64 or None
-            Unwrapped device time, us; None, and nothing is taken in, where a chunk may hold a step or begins a segment.
+            Unwrapped device time, us; None, and nothing is taken into account, where a chunk may hold a jump or
+            starts a segment.
         """
         settings = self.settings
         waits_ns = changes(host_time_ns, self._last_ns)
@@ -227,66 +241,29 @@ class ClockUnwrapper:
         """
         if not self._has_reference:
             return None
-        prediction_us, ahead_us, late_us = self._window(host_time_ns)
+        prediction_us, ahead_us, late_us = self._window(host_time_ns, self._start_ns, self._chunks)
         top_us = prediction_us + ahead_us
         unwrapped_us = top_us - (top_us - device_time_us) % DEVICE_CLOCK_MODULUS_US
         return unwrapped_us if unwrapped_us >= prediction_us - late_us else None
 
     def is_plain(self, device_time_us: int, host_time_ns: int) -> bool:
-        """Whether :meth:`locate` places a reading now, and still does after anything that :meth:`feed_many` takes.
+        """Whether :meth:`locate` places a reading now, and still does after any :meth:`unwrap_many`.
 
         Parameters
         ----------
         device_time_us, host_time_ns
             As for :meth:`locate`.
         """
-        prediction_us = int(1e-3 * host_time_ns - self._delay_us)
-        half = DEVICE_CLOCK_MODULUS_US // 2
-        away_us = (device_time_us - prediction_us + half) % DEVICE_CLOCK_MODULUS_US - half
-        # What feed_many takes moves the prediction by no more than half of what is explained.
+        away_us, _ = self.jump(device_time_us, host_time_ns)
+        # What unwrap_many unwraps moves the prediction by no more than half of what is explained.
         bound_us = 0.25e6 * min(self.settings.max_ahead_s, self.settings.max_latency_s)
         return self._has_reference and abs(away_us) <= bound_us
 
-    def _window(self, host_time_ns: int) -> tuple[int, int, int]:
+    def _window(self, host_time_ns: int, start_ns: int, chunks: int) -> tuple[int, int, int]:
         """Return the prediction, and how far ahead of it and behind it a reading is explained, all us."""
         settings = self.settings
         skew_us = settings.max_skew_ppm * 1e-9 * max(0, host_time_ns - self._reference_ns)
         late_us = int(1e6 * settings.max_latency_s + skew_us)
-        settled = self._chunks >= settings.settle_chunks and host_time_ns - self._start_ns >= 1e9 * settings.settle_s
+        settled = chunks >= settings.settle_chunks and host_time_ns - start_ns >= 1e9 * settings.settle_s
         ahead_us = int(1e6 * settings.max_ahead_s + skew_us) if settled else late_us
         return int(1e-3 * host_time_ns - self._delay_us), ahead_us, late_us
-
-    def _feed_segment(self, ticks: IntArray, host_time_ns: int, out: IntArray, index: int) -> int:
-        """Unwrap ``ticks`` into ``out`` up to the first step; return how many belong to this segment (at least 1)."""
-        if not self._has_reference:
-            self._has_reference = True
-            self._chunks = 0
-            self._start_ns = self._last_ns = self._reference_ns = host_time_ns
-            self._newest_us = int(ticks[0])
-            self._delay_us = 1e-3 * host_time_ns - self._newest_us
-        elif host_time_ns - self._last_ns > 1e9 * self.settings.max_latency_s:
-            self._start_ns, self._chunks = host_time_ns, 0
-        prediction_us, ahead_us, late_us = self._window(host_time_ns)
-        top_us = prediction_us + ahead_us
-        np.subtract(top_us, (top_us - ticks) % DEVICE_CLOCK_MODULUS_US, out=out)
-        newest_us = np.maximum.accumulate(np.maximum(out, self._newest_us))
-        earliest_us = np.maximum(newest_us - int(1e6 * self.settings.max_reorder_s), prediction_us - late_us)
-        explained = out >= earliest_us
-        n = len(ticks) if explained.all() else int(np.argmin(explained))
-        if n:
-            self._newest_us = int(newest_us[n - 1])
-            delay_us = 1e-3 * host_time_ns - self._newest_us
-            skew_us = self.settings.max_skew_ppm * 1e-9 * max(0, host_time_ns - self._reference_ns)
-            if delay_us <= self._delay_us + skew_us:
-                self._delay_us, self._reference_ns = delay_us, host_time_ns
-        if n < len(ticks):
-            half = DEVICE_CLOCK_MODULUS_US // 2
-            disagreement_us = (int(ticks[n]) - prediction_us + half) % DEVICE_CLOCK_MODULUS_US - half
-            gap_ns = host_time_ns - self._last_ns
-            self.new_segment()
-            self._steps.append(ClockStep(index + n, self._segment, host_time_ns, disagreement_us, gap_ns))
-            # The rest is fed again; a first sample that steps at once still ends the old segment, so this ends.
-            return n or self._feed_segment(ticks, host_time_ns, out, index)
-        self._last_ns = max(self._last_ns, host_time_ns)
-        self._chunks += 1
-        return n

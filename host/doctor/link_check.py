@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from host.capture.loop import Capture, CaptureOutcome, CaptureSettings
-from host.clock.device_clock import ClockEstimate
+from host.clock.estimate import ClockEstimate
 from host.doctor.findings import Finding, Verdict, judged
 from host.errors import HostError
 from host.links import open_transport

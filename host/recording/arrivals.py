@@ -17,71 +17,106 @@ import numpy.typing as npt
 from firmware_protocol.codec import decode_packet
 from firmware_protocol.errors import MalformedPacketError, ProtocolError
 from firmware_protocol.items import StreamItem
-from firmware_protocol.packets import Info, OrientationBatch, TimeReply, TimeRequest
+from firmware_protocol.packets import OrientationBatch, TimeReply, TimeRequest
 from firmware_protocol.serial.framing import FrameDecoder
 from host.clock.interval import NO_ROUND_TRIPS, RoundTrips
 from host.clock.remap import RemappedClock, remap
 from host.links.transport import AnyChunk
+from host.stream.blocks import RESET, UnwrappedSamples
+from host.stream.samples import SampleAssembler
 
 IntArray = npt.NDArray[np.int64]
 
+UNKNOWN = -1
+"""Arrival of a sample whose chunk is not known."""
 MAX_CHUNKS = 200_000
 """Longer recordings are thinned to about so many arrivals: still hundreds in every second that matters."""
 
 
 class SampleArrivals:
-    """Gathers device time and arrival of the samples of one recording."""
+    """Gathers device time and arrival of the samples of one recording.
 
-    def __init__(self) -> None:
-        self._ticks: list[npt.NDArray[np.uint32]] = []
-        self._arrivals: list[IntArray] = []
-        self._n = 0
+    Arrivals are known as the samples come, device times as the assembler places them: maybe later, maybe never. Both
+    are counted from the first sample that came.
+
+    Parameters
+    ----------
+    assembler : SampleAssembler
+        Of the same recording: it unwraps device times, and decides where segments start.
+    """
+
+    def __init__(self, assembler: SampleAssembler) -> None:
+        self._arrivals: list[IntArray] = []  # of all that came; UNKNOWN where the chunk is not known
+        self._n_came = 0
+        self._firsts: list[int] = []  # of each piece placed
+        self._times_us: list[IntArray] = []
+        self._reason = ""  # why a segment starts with the next piece
         self._starts: list[int] = []
-        self._boot_id: int | None = None
+        self._jumps: list[int] = []
         self.n_unplaced = 0
-        """Samples whose chunk could not be told; they are left out here."""
+        """Samples whose chunk is not known; they are left out here."""
+        assembler.on_segment.append(self._segment_starts)
+        assembler.on_samples.append(self._place)
 
     def reopened(self) -> None:
-        """Take note that the link was opened again: the device may have been reset."""
-        self._starts.append(self._n)
+        """Note that the link was opened again: the device may have been reset."""
+        self._starts.append(self._n_came)
 
-    def feed(self, item: StreamItem, arrival_ns: IntArray) -> None:
-        """Take an item of a byte link.
+    def came(self, arrival_ns: IntArray) -> None:
+        """Note samples that came.
 
         Parameters
         ----------
-        item : StreamItem
-            As the link decoded it.
         arrival_ns : (n,) int64
-            When the chunk was received that completed each of its n samples; not looked at for any other packet.
+            When the chunk was received that completed each.
         """
-        if isinstance(item, OrientationBatch):
-            self._ticks.append(item.device_time_us)
-            self._arrivals.append(arrival_ns)
-            self._n += len(item)
-        elif isinstance(item, Info):
-            if self._boot_id is not None and item.boot_id != self._boot_id:
-                self._starts.append(self._n)
-            self._boot_id = item.boot_id
+        self._arrivals.append(arrival_ns)
+        self._n_came += len(arrival_ns)
 
-    def feed_frames(self, parts: list[AnyChunk], items: Iterable[StreamItem]) -> None:
-        """Take chunks of CAN frames that were decoded together, and what they gave; each frame has its own time."""
-        items = list(items)
+    def came_in_frames(self, parts: list[AnyChunk], items: Iterable[StreamItem]) -> None:
+        """Note the samples of chunks of CAN frames that were decoded together; each frame has its own time."""
         n = sum(len(item) for item in items if isinstance(item, OrientationBatch))
         arrivals = _frame_arrivals(parts, n)
         if arrivals is None:
-            self.leave_out(items)
-        start = 0
-        for item in items:
-            if not isinstance(item, OrientationBatch):
-                self.feed(item, np.empty(0, np.int64))
-            elif arrivals is not None:
-                self.feed(item, arrivals[start : start + len(item)])
-                start += len(item)
+            self.came_unknown(items)
+        else:
+            self.came(arrivals)
 
-    def leave_out(self, items: Iterable[StreamItem]) -> None:
-        """Count samples that the decoder held to the end: by then their chunk is not known any more."""
-        self.n_unplaced += sum(len(item) for item in items if isinstance(item, OrientationBatch))
+    def came_unknown(self, items: Iterable[StreamItem]) -> None:
+        """Note samples that the decoder held to the end: by then their chunk is not known any more."""
+        n = sum(len(item) for item in items if isinstance(item, OrientationBatch))
+        self.n_unplaced += n
+        self.came(np.full(n, UNKNOWN))
+
+    def _segment_starts(self, reason: str) -> None:
+        self._reason = reason
+
+    def _place(self, samples: UnwrappedSamples) -> None:
+        if self._reason and self._firsts:
+            (self._starts if self._reason == RESET else self._jumps).append(samples.first)
+        self._reason = ""
+        self._firsts.append(samples.first)
+        self._times_us.append(samples.device_time_us)
+
+    def samples(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Return the n samples that were placed and whose chunk is known, in order.
+
+        Returns
+        -------
+        numbers : (n,) int64
+            How many samples came before each.
+        device_time_us : (n,) int64
+            Unwrapped.
+        arrival_ns : (n,) int64
+            When the chunk was received that completed each.
+        """
+        if not self._firsts:
+            return (np.empty(0, np.int64),) * 3
+        pieces = zip(self._firsts, self._times_us, strict=True)
+        numbers = np.concatenate([np.arange(first, first + len(times_us)) for first, times_us in pieces])
+        times_us, arrivals = np.concatenate(self._times_us), np.concatenate(self._arrivals)[numbers]
+        known = arrivals != UNKNOWN
+        return (numbers, times_us, arrivals) if known.all() else (numbers[known], times_us[known], arrivals[known])
 
     def remapped(self, round_trips: RoundTrips = NO_ROUND_TRIPS) -> RemappedClock | None:
         """Run the clock's offline pass; None where no sample's arrival is known.
@@ -91,17 +126,17 @@ class SampleArrivals:
         round_trips : RoundTrips
             Of the same recording; they bound the offset.
         """
-        if not self._n:
+        numbers, times_us, arrivals = self.samples()
+        if not len(numbers):
             return None
-        ticks = np.concatenate(self._ticks).astype(np.int64)
-        arrivals = np.maximum.accumulate(np.concatenate(self._arrivals))
-        starts = np.array(self._starts, dtype=np.int64)
+        arrivals = np.maximum.accumulate(arrivals)
         step = 1 + (1 + int(np.count_nonzero(np.diff(arrivals)))) // MAX_CHUNKS
         if step > 1:
             chunk = np.cumsum(np.diff(arrivals, prepend=arrivals[0]) > 0)
             keep = np.flatnonzero(chunk % step == 0)
-            ticks, arrivals, starts = ticks[keep], arrivals[keep], np.searchsorted(keep, starts)
-        return remap(ticks, arrivals, np.unique(starts).tolist(), round_trips=round_trips)
+            numbers, times_us, arrivals = numbers[keep], times_us[keep], arrivals[keep]
+        starts, jumps = (np.searchsorted(numbers, places).tolist() for places in (self._starts, self._jumps))
+        return remap(times_us, arrivals, starts, jumps, round_trips=round_trips)
 
 
 def _frame_arrivals(parts: list[AnyChunk], n: int) -> IntArray | None:

@@ -77,7 +77,7 @@ class TrialAssembly:
     ) -> None:
         self.link = Link(node=node)
         self.assembler = SampleAssembler(LossLedger(MAX_RUNS))
-        self.arrivals = SampleArrivals()
+        self.arrivals = SampleArrivals(self.assembler)
         self.trips = trips or RecordedRoundTrips()
         self.samples = SampleGatherer(share)
         self.events: list[TimedEvent] = []
@@ -100,7 +100,7 @@ class TrialAssembly:
         """Take what the link still holds: nothing follows."""
         held = self.link.flush()
         self.assembler.damaged(self.link.take_damage())
-        self.arrivals.leave_out(held)
+        self.arrivals.came_unknown(held)
         self.samples.add(self.assembler.feed(held, self._heard_ns))
         self.samples.add(self.assembler.release())
 
@@ -120,7 +120,6 @@ class TrialAssembly:
             else:
                 self._feed_parts(samples, start, position, statuses)
                 start, statuses = position, []
-                self.arrivals.feed(packet, stretch.host_time_ns[:0])
                 self._feed_other(packet, time_ns)
         self._feed_parts(samples, start, len(packets.samples), statuses)
         self._waiting.clear()
@@ -133,7 +132,7 @@ class TrialAssembly:
             among = [item for item in statuses if first < item.position <= last or item.position == first == start]
             part = samples.part(slice(first, last))
             if last > first:
-                self.arrivals.feed(part.batch, part.times_ns)
+                self.arrivals.came(part.times_ns)
             self._feed_samples(part, [replace(item, position=item.position - first) for item in among])
 
     def _feed_samples(self, samples: _PlacedSamples, statuses: list[TimedStatus]) -> None:
@@ -187,11 +186,11 @@ class TrialAssembly:
         self.assembler.damaged(self.link.take_damage())
         if chunk.data:
             self._heard_ns = chunk.host_time_ns
-            self.arrivals.feed_frames(parts, items)
+            self.arrivals.came_in_frames(parts, items)
             self.trips.feed_frames(parts, items)
         else:
             self.arrivals.reopened()
-            self.arrivals.leave_out(items)
+            self.arrivals.came_unknown(items)
         for item in items:
             if isinstance(item, OrientationBatch):
                 self.samples.add(self.assembler.feed([item], self._heard_ns))

@@ -1,4 +1,4 @@
-"""Samples in order of the wire, as the assembler gives them."""
+"""Samples in order of the wire, as the assembler returns and publishes them."""
 
 from __future__ import annotations
 
@@ -33,6 +33,37 @@ class SampleBlock:
     def __len__(self) -> int:
         return len(self.sequence)
 
+    def chosen(self, keep: npt.NDArray[np.bool_]) -> SampleBlock:
+        """Return some of the samples: those where ``keep`` (n,) is True."""
+        return SampleBlock(
+            segment=self.segment,
+            sequence=self.sequence[keep],
+            index=self.index[keep],
+            time_s=self.time_s[keep],
+            quats_wxyz=self.quats_wxyz[keep],
+            flags=self.flags[keep],
+            host_time_ns=self.host_time_ns,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnwrappedSamples:
+    """n samples of one segment in wire order, repeated ones among them, on the unwrapped device clock."""
+
+    first: int
+    """How many samples of any kind came before the first of them."""
+    device_time_us: IntArray
+    """(n,) us; compares within one segment."""
+    quats_wxyz: FloatArray
+    """(n, 4) unit quaternions, body to world."""
+    host_time_ns: int
+    """Reception of the chunk (of many chunks, the last), monotonic."""
+
+
+RESET = "the object was reset"
+STEPPED = "the device clock stepped"
+RESTARTED = "the device clock began anew"
+
 
 @dataclass(frozen=True, slots=True)
 class SegmentStart:
@@ -43,17 +74,4 @@ class SegmentStart:
     """On the time axis of the capture."""
     host_time_ns: int
     reason: str
-    """For people."""
-
-
-def selected(block: SampleBlock, keep: npt.NDArray[np.bool_]) -> SampleBlock:
-    """Return some of a block's samples: those where ``keep`` (n,) is True."""
-    return SampleBlock(
-        segment=block.segment,
-        sequence=block.sequence[keep],
-        index=block.index[keep],
-        time_s=block.time_s[keep],
-        quats_wxyz=block.quats_wxyz[keep],
-        flags=block.flags[keep],
-        host_time_ns=block.host_time_ns,
-    )
+    """For people: :data:`RESET`, :data:`STEPPED`, :data:`RESTARTED`, or of the first, that the capture began."""

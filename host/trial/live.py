@@ -19,14 +19,15 @@ from analysis.geometry import rotations
 from analysis.scoring.trust import MIN_REST_FOR_FLOOR_S
 from analysis.sensor.baseline import StaticBaseline
 from firmware_protocol.items import StreamItem
-from firmware_protocol.packets import Event, Info, OrientationBatch, OrientationFlag, Status
-from host.clock.device_clock import ClockEstimate, DeviceClock
+from firmware_protocol.packets import Event, OrientationBatch, OrientationFlag, Status
+from host.clock.estimate import ClockEstimate
+from host.clock.estimator import ClockEstimator
 from host.links.transport import AnyChunk
-from host.stream.blocks import SampleBlock
+from host.stream.blocks import SampleBlock, UnwrappedSamples
 from host.stream.decoding import Link
 from host.stream.rate import RateMeter
+from host.stream.round_trips import RoundTrip
 from host.stream.samples import SampleAssembler
-from host.stream.session import RoundTrip
 from host.text import plain
 from host.trial.first_rest import FirstRest
 from host.trial.running_score import RunningScore
@@ -54,7 +55,10 @@ class TrialUpdate:
 
     items: list[StreamItem]
     """Packets in wire order."""
+    sampled: bool
+    """Whether samples are among them, whosever they are."""
     decoded: list[DecodedBatch]
+    """Samples that have found their place; those held back come when it is known whose they are."""
     cycles: list[CycleRow] = field(default_factory=list)
     """Cycles confirmed by this chunk."""
     events: list[tuple[Event, float | None]] = field(default_factory=list)
@@ -89,7 +93,10 @@ class Trial:
     ) -> None:
         self.link = Link(node=node)
         self.assembler = SampleAssembler()
-        self._clock = DeviceClock()
+        self.assembler.on_segment.append(lambda _: self._clock.new_segment())
+        self.assembler.on_samples.append(self._map)
+        self._clock = ClockEstimator()
+        self._decoded: list[DecodedBatch] = []  # of the chunk under way
         self._detector = OnlineCycleDetector()
         self._rate = RateMeter()
         self._base = TrialState(
@@ -147,8 +154,8 @@ class Trial:
         return self._feed_items(self.link.flush())
 
     def _feed_items(self, items: list[StreamItem]) -> TrialUpdate:
-        decoded = self._feed_clock(items, self._heard_ns)
-        if decoded:
+        sampled = any(isinstance(item, OrientationBatch) for item in items)
+        if sampled:
             self._sampled_ns = self._heard_ns
         cycles: list[CycleRow] = []
         self.assembler.damaged(self.link.take_damage())
@@ -157,12 +164,16 @@ class Trial:
             self._last_block = block
             cycles += self._feed_block(block)
         events = [(item, self.assembler.locate_s(item, self._heard_ns)) for item in items if isinstance(item, Event)]
-        return TrialUpdate(items, decoded, cycles, events)
+        decoded, self._decoded = self._decoded, []
+        return TrialUpdate(items, sampled, decoded, cycles, events)
 
     def feed_round_trips(self, trips: Iterable[RoundTrip]) -> None:
         """Take answers to TIME_REQUEST into the clock estimate."""
         for trip in trips:
-            self._clock.feed_round_trip(trip.sent_ns, trip.receive_us, trip.transmit_us, trip.received_ns)
+            receive_us = self.assembler.locate_us(trip.receive_us, trip.received_ns)
+            transmit_us = self.assembler.locate_us(trip.transmit_us, trip.received_ns)
+            if receive_us is not None and transmit_us is not None:  # else it is of another segment
+                self._clock.feed_round_trip(trip.sent_ns, receive_us, transmit_us, trip.received_ns)
 
     def state(self, now_ns: int, elapsed_s: float, link: LinkView, warnings: tuple[str, ...] = ()) -> TrialState:
         """Give a picture of this moment.
@@ -230,15 +241,9 @@ class Trial:
             "bursty": estimate.bursty,
         }
 
-    def _feed_clock(self, items: list[StreamItem], host_time_ns: int) -> list[DecodedBatch]:
-        decoded = []
-        for item in items:
-            if isinstance(item, OrientationBatch):
-                mapped = self._clock.feed(item.device_time_us, host_time_ns)
-                decoded.append(DecodedBatch(mapped.host_time_ns, item.quats_wxyz))
-            elif isinstance(item, Info):
-                self._clock.boot(item.boot_id)
-        return decoded
+    def _map(self, samples: UnwrappedSamples) -> None:
+        stamps_ns = self._clock.map(samples.device_time_us, samples.host_time_ns)
+        self._decoded.append(DecodedBatch(stamps_ns, samples.quats_wxyz))
 
     def _feed_block(self, block: SampleBlock) -> list[CycleRow]:
         self._newest_s = max(self._newest_s, float(block.time_s.max()))

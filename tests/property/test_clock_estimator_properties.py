@@ -4,8 +4,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host.clock.device_clock import ClockEstimator, DeviceClock
-from host.clock.remap import remap
+from host.clock.estimator import ClockEstimator
+from tests.clock_chunks import UnwrappedChunks
+from tests.clock_chunks import remapped as remap
 
 GAPS_US = st.one_of(st.integers(-600_000, 600_000), st.integers(0, 100_000_000))
 STREAM = st.lists(st.tuples(GAPS_US, st.integers(0, 3_000_000_000), st.integers(0, 40_000)), min_size=1, max_size=120)
@@ -63,11 +64,18 @@ def test_arbitrary_recordings_are_remapped(ticks, gaps, starts):
 @settings(max_examples=60, deadline=None)
 @given(chunks=st.lists(st.tuples(st.lists(st.integers(0, 2**32 - 1), max_size=6), st.integers(0, 10**12)), max_size=40))
 def test_arbitrary_chunks_are_mapped(chunks):
-    clock, host_ns = DeviceClock(), 0
+    unwrapper, clock, host_ns = UnwrappedChunks(), ClockEstimator(), 0
     for ticks, gap_ns in chunks:
         host_ns += gap_ns
-        mapped = clock.feed(ticks, host_ns)
-        assert len(mapped) == len(ticks)
-        assert (np.diff(mapped.segment) >= 0).all()
-        clock.feed_round_trip(host_ns - 1000, ticks[0] if ticks else 0, ticks[0] if ticks else 0, host_ns)
+        mapped = 0
+        for number, piece in enumerate(unwrapper.pieces(ticks, host_ns)):
+            if number:
+                clock.new_segment()
+            segment = clock.segment
+            mapped += len(clock.map(piece, host_ns)) if len(piece) else 0
+            assert clock.segment >= segment
+        assert mapped == len(ticks)
+        located_us = unwrapper.locate(ticks[0] if ticks else 0, host_ns)
+        if located_us is not None:
+            clock.feed_round_trip(host_ns - 1000, located_us, located_us, host_ns)
     assert clock.estimate() is None or clock.estimate().segment == clock.segment

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host.clock.device_clock import ClockUnwrapper
+from tests.clock_chunks import UnwrappedChunks as ClockUnwrapper
 
 MODULUS = 2**32
 

@@ -16,7 +16,6 @@ from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Event, Info, OrientationBatch, Status
 from firmware_protocol.serial.decoder import StreamDecoder
 from firmware_protocol.serial.framing import encode_frame
-from host.clock.unwrap import ClockUnwrapper
 from host.links.transport import Chunk
 from host.recording.bulk.raw_stretch import RawStretch
 from host.recording.bulk.row_checksums import checksums
@@ -25,6 +24,7 @@ from host.recording.reader import RecordingReader
 from host.recording.writer import RecordingWriter
 from host.stream.decoding import Link
 from host.stream.samples import SampleAssembler
+from tests.clock_chunks import UnwrappedChunks
 from tests.faulty_trials import faulty_chunks
 from tests.joined_blocks import series_of
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks
@@ -185,12 +185,12 @@ def test_the_device_clock_unwrapped_at_once_is_that_of_chunk_by_chunk(seed, n, t
         host_ns[n // 2 :] -= 10**9
     host_ns = np.maximum.accumulate(host_ns // 5_000_000 * 5_000_000)
     ticks = (device_us % 2**32).astype(np.uint32)
-    single, many = ClockUnwrapper(), ClockUnwrapper()
+    single, many = UnwrappedChunks(), UnwrappedChunks()
     start = 0
     for part in np.array_split(np.arange(n), rng.integers(1, 5)):
         if not len(part):
             continue
-        unwrapped = many.feed_many(ticks[part], host_ns[part])
+        unwrapped = many.clock.unwrap_many(ticks[part], host_ns[part])
         expected = []
         for k in np.split(part, np.flatnonzero(np.diff(host_ns[part])) + 1):
             expected += single.feed(ticks[k], int(host_ns[k[0]])).tolist()

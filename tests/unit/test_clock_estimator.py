@@ -5,7 +5,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from host.clock.device_clock import ClockEstimator, EstimatorSettings
+from host.clock.estimate import EstimatorSettings
+from host.clock.estimator import ClockEstimator
 
 S = 1_000_000  # us
 OFFSET_NS = 123_456_789_012_345

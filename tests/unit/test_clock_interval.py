@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.clock_links import can, ftdi, usb
 from host.clock.interval import RoundTrips
-from host.clock.remap import remap
+from tests.clock_chunks import remapped as remap
 
 MODULUS = 2**32
 

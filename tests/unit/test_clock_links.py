@@ -8,8 +8,8 @@ import pytest
 
 from benchmarks.clock_jitter import GOALS_MS, causal, chunk_bounds, error_ms, regression
 from benchmarks.clock_links import LINKS, device_samples
-from host.clock.device_clock import ClockEstimator
-from host.clock.remap import remap
+from host.clock.estimator import ClockEstimator
+from tests.clock_chunks import remapped as remap
 
 DURATION_S = 900.0
 

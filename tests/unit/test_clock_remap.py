@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from host.clock.remap import remap
+from tests.clock_chunks import remapped as remap
 
 MODULUS = 2**32
 START_NS = 77 * 10**12

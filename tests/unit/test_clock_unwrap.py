@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from host.clock.device_clock import ClockUnwrapper
+from tests.clock_chunks import UnwrappedChunks as ClockUnwrapper
 
 MODULUS = 2**32
 S = 1_000_000  # us

@@ -10,8 +10,10 @@ from host.links.memory import MemoryTransport
 from host.links.reconnecting import LONGEST_PAUSE_S, ReconnectingTransport
 from host.links.transport import Chunk, joined
 from host.recording.load import assemble
+from host.stream.blocks import RESET
 from host.stream.decoding import Link, grouped
-from host.stream.samples import HELD_NS, SampleAssembler
+from host.stream.held_samples import HELD_NS
+from host.stream.samples import SampleAssembler
 from host.stream.session import Phase, Session, SessionSettings
 from tests.recorded_trials import scenario, virtual_chunks
 
@@ -179,6 +181,7 @@ def test_an_object_that_never_came_may_not():
 def test_a_reset_while_the_link_was_away_is_told():
     session = streaming_session()
     session.reopened(5000 * MS)
+    session.new_segment(RESET)
     session.feed([Info(device_id=7, boot_id=2, name="cube")], 40, 5010 * MS)
     assert session.warnings == ["the object was reset during the capture"]
     assert session.phase is Phase.STARTING

@@ -14,6 +14,7 @@ from host.recording.assembly import TrialAssembly
 from host.recording.load import assemble
 from host.results.result import score_trial
 from host.stream.decoding import Link
+from host.stream.samples import SampleAssembler
 from tests.can_traffic import object_at, sample_packets, timed
 from tests.faulty_trials import faulty_chunks
 from tests.recorded_trials import scenario, virtual_chunks
@@ -50,8 +51,9 @@ def test_every_sample_gets_the_arrival_of_the_chunk_that_completed_it(size):
     arrivals = gathered(chunks)
     expected = one_by_one(chunks)
     assert arrivals.n_unplaced == 0
-    np.testing.assert_array_equal(np.concatenate(arrivals._ticks), expected[:, 0])
-    np.testing.assert_array_equal(np.concatenate(arrivals._arrivals), expected[:, 1])
+    _, times_us, arrival_ns = arrivals.samples()
+    np.testing.assert_array_equal(times_us % 2**32, expected[:, 0])
+    np.testing.assert_array_equal(arrival_ns, expected[:, 1])
 
 
 @pytest.mark.parametrize("at_once", [1, 7])
@@ -60,7 +62,7 @@ def test_on_can_every_sample_has_the_time_of_its_own_frame(at_once):
     batches = [frames[start : start + at_once] for start in range(0, len(frames), at_once)]
     chunks = [FrameChunk(pack_frames(batch), batch[-1].host_time_ns) for batch in batches]
     arrivals = gathered(chunks)
-    ticks, times = np.concatenate(arrivals._ticks), np.concatenate(arrivals._arrivals)
+    _, ticks, times = arrivals.samples()
     assert len(ticks) + arrivals.n_unplaced == 1500
     assert len(ticks) >= 1000
     # A sample each millisecond on both clocks: the difference is the same for all, whatever the chunks are.
@@ -73,8 +75,9 @@ def test_damage_misplaces_nothing():
     arrivals = gathered(chunks)
     expected = one_by_one(chunks)
     assert arrivals.n_unplaced == 0
-    np.testing.assert_array_equal(np.concatenate(arrivals._ticks), expected[:, 0])
-    np.testing.assert_array_equal(np.concatenate(arrivals._arrivals), expected[:, 1])
+    _, times_us, arrival_ns = arrivals.samples()
+    np.testing.assert_array_equal(times_us % 2**32, expected[:, 0])
+    np.testing.assert_array_equal(arrival_ns, expected[:, 1])
 
 
 def test_the_result_tells_the_skew_and_the_jitter():
@@ -107,8 +110,9 @@ def test_a_long_recording_is_thinned_and_says_the_same(monkeypatch):
 
 
 def test_nothing_is_nothing():
-    arrivals = SampleArrivals()
+    assembler = SampleAssembler()
+    arrivals = SampleArrivals(assembler)
     assert arrivals.remapped() is None
     assert clock_values(None, 0) is None
-    arrivals.feed(Info(device_id=1, boot_id=2), np.array([5]))
+    assembler.feed([Info(device_id=1, boot_id=2)], 5)
     assert arrivals.remapped() is None

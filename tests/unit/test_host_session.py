@@ -20,6 +20,7 @@ from firmware_protocol.packets import (
     TimeRequest,
 )
 from host.errors import NoAnswerError, WrongObjectError
+from host.stream.blocks import RESET
 from host.stream.session import Phase, Session, SessionSettings
 
 MS = 1_000_000
@@ -185,6 +186,7 @@ def test_after_a_reset_it_is_started_again():
     session, device = session_for(rate_hz=100), Object()
     converse(session, device, lambda: session.phase is Phase.STREAMING)
     device.streaming, device.boot_id = False, 2
+    session.new_segment(RESET)
     session.feed([Info(device_id=7, boot_id=2)], 40, 10**10)
     converse(session, device, lambda: session.phase is Phase.STREAMING, start_ns=10**10)
     assert device.heard[-2:] == ["SetRate", "Start"]
