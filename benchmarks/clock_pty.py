@@ -139,8 +139,8 @@ def main() -> None:
     x, y = 1e-6 * (device_us - device_us[0]), 1e-9 * (arrival_ns - origin_ns)
     describe("offline, plain regression", origin_ns + 1e9 * np.polyval(np.polyfit(x, y, 1), x), 0.0)
     describe("arrival itself", arrival_ns, 0.0)
-    low_ns = estimate.offset_low_ns
-    interval = "none" if low_ns is None else f"{1e-6 * (estimate.offset_high_ns - low_ns):.3f} ms wide"
+    low_ns = estimate.interval.low_ns
+    interval = "none" if low_ns is None else f"{1e-6 * (estimate.interval.high_ns - low_ns):.3f} ms wide"
     warm = "never warm" if estimate.warm_up_s is None else f"warm after {warm_s:.0f} s"
     print(
         f"skew {estimate.skew_ppm:.1f} +- {estimate.skew_uncertainty_ppm:.1f} ppm, {warm}, "

@@ -1,13 +1,15 @@
-"""What the clock estimator is set to, and what it says: frozen, with everything a reader needs to judge it."""
+"""What the clock estimator is set to, and what it finds: frozen, with everything a reader needs to judge it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from host.clock.envelope import DelayLine
+from host.clock.interval import OffsetInterval
 
 IntArray = npt.NDArray[np.int64]
 
@@ -17,9 +19,9 @@ class EstimatorSettings:
     """What the estimate looks back on, and what it calls a step."""
 
     window_s: float = 60.0
-    """Length of the window. The crystal's wander over it is an error, and so is a beat that is longer."""
+    """Length of the window. The crystal's wander over it is an error, and so is a beat of two clocks that is longer."""
     bursty_window_s: float = 300.0
-    """Length for bursty links: the age of a burst's newest sample beats slowly against the burst's clock."""
+    """Length for bursty links: the age of a burst's newest sample drifts slowly against the burst's clock."""
     burst_span_s: float = 0.012
     """A link is bursty when most of its chunks span at least this much device time ..."""
     burst_scatter_s: float = 0.003
@@ -56,14 +58,9 @@ class ClockEstimate:
     """Rate of the device clock over the host's, minus one; positive where the device is fast."""
     skew_uncertainty_ppm: float
     """What the link usually adds over the time the kept delays span: how far the line may turn. inf at first."""
-    offset_low_ns: float | None
-    """The true offset at ``reference_us`` is not below this, ns; None without round trips."""
-    offset_high_ns: float
-    """The true offset at ``reference_us`` is not above this, ns. It may be below ``offset_ns``, where round trips show
-    that all samples come with a constant delay."""
-    consistent: bool
-    """Whether the interval is one. If not, somebody stamps too early: the device, its reception of requests (by a
-    stale clock reading), or the host, its arrivals (before the read that brought them)."""
+    interval: OffsetInterval
+    """Where the true offset at ``reference_us`` lies. It may lie below ``offset_ns``, where round trips show that all
+    samples come with a constant delay."""
     jitter_p50_ns: float
     """Median of the arrival residuals (arrival minus mapped time of a chunk's newest sample), last 2048 chunks, ns."""
     jitter_p99_ns: float
@@ -76,14 +73,29 @@ class ClockEstimate:
     """Chunks taken into account in this segment."""
     n_bins: int
     """Seconds with data in the window."""
-    n_round_trips: int
-    """Round trips that bound the offset."""
     window_s: float
     """Window in use, s."""
     bursty: bool
     """Whether the link is judged bursty."""
-    settings: EstimatorSettings
-    """What made it."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what a result file holds of the live estimate."""
+        bounds_ns = self.interval.bounds_ns
+        return {
+            "segments": self.segment + 1,
+            "skew_ppm": self.skew_ppm if self.warm else None,
+            "skew_uncertainty_ppm": self.skew_uncertainty_ppm if np.isfinite(self.skew_uncertainty_ppm) else None,
+            "offset_interval_ms": None if bounds_ns is None else [bound / 1e6 for bound in bounds_ns],
+            "offset_uncertainty_ms": (bounds_ns[1] - bounds_ns[0]) / 1e6
+            if bounds_ns and self.interval.consistent
+            else None,
+            "consistent": self.interval.consistent,
+            "round_trips": self.interval.n_round_trips,
+            "jitter_p50_ms": self.jitter_p50_ns / 1e6,
+            "jitter_p99_ms": self.jitter_p99_ns / 1e6,
+            "warm_up_s": self.warm_up_s,
+            "bursty": self.bursty,
+        }
 
     def to_host_ns(self, device_unwrapped_us: npt.ArrayLike) -> IntArray:
         """Map unwrapped device time of the same segment to host time.

@@ -1,6 +1,6 @@
 """Where the device clock stands on the host's time line, learnt as chunks arrive.
 
-Only the newest sample of a chunk tells something: the others waited for it. Of these pairs (device time, host arrival)
+Only the newest sample of a chunk counts: the others waited for it. Of these pairs (device time, host arrival)
 the least delayed one of every second is kept, and the line below the kept ones maps device to host time. A constant
 delay of the link cannot be seen one way; TIME_REQUEST round trips bound it.
 """
@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from host.clock.envelope import DelayLine, Point, envelope_line, line_with_slope, scatter_ns
 from host.clock.estimate import ClockEstimate, EstimatorSettings
+from host.clock.interval import OffsetInterval
 from host.clock.seconds import Seconds
 
 RESIDUALS_KEPT = 2048
@@ -54,7 +55,7 @@ class ClockEstimator:
 
     @property
     def segment_start_ns(self) -> int:
-        """Arrival of the segment's first sample, ns; for a late step, which is seen late, before the call that told."""
+        """Arrival of the segment's first sample, ns; of a late step, which is seen late, before it was reported."""
         return self._start_ns
 
     def new_segment(self) -> int:
@@ -119,13 +120,13 @@ class ClockEstimator:
         host_time_ns
             Arrival of the chunk, ns, monotonic.
         span_us
-            Device time from the oldest to the newest sample of the chunk, us; tells bursty links.
+            Device time from the oldest to the newest sample of the chunk, us; shows bursty links.
 
         Returns
         -------
         float or None
             Mostly None. If the delay changed as only a step of the device clock does, by how much, ns; a new segment
-            has begun then, and this sample belongs to it.
+            has started then, and this sample belongs to it.
         """
         delay_ns = host_time_ns - 1000 * device_us
         step_ns = self._close_second(host_time_ns) if self._seconds.is_new(host_time_ns) else None
@@ -218,19 +219,15 @@ class ClockEstimator:
             delay_slope=line.slope,
             skew_ppm=1e6 * (1000.0 / (1000.0 + line.slope) - 1.0),
             skew_uncertainty_ppm=1e3 * self._slope_uncertainty,
-            offset_low_ns=low_ns,
-            offset_high_ns=high_ns,
-            consistent=low_ns is None or low_ns <= high_ns,
+            interval=OffsetInterval(low_ns, high_ns, low_ns is None or low_ns <= high_ns, len(self._round_trips)),
             jitter_p50_ns=float(jitter[0]),
             jitter_p99_ns=float(jitter[1]),
             warm=self._warm,
             warm_up_s=self._warm_up_s,
             n=self._n,
             n_bins=len(self._window()),
-            n_round_trips=len(self._round_trips),
             window_s=self._window_s(),
             bursty=self._bursty,
-            settings=settings,
         )
 
     def _window_s(self) -> float:
@@ -255,7 +252,7 @@ class ClockEstimator:
         if point is None:
             return None
         if self._warm and residual_ns > 1e9 * settings.late_step_s + 5 * self._scatter_ns:
-            # So late, it says nothing of the line, unless it goes on like this.
+            # So late, it means nothing for the line, unless it goes on like this.
             n_late = seconds.put_aside(point, residual_ns)
             return self._restart_late(host_time_ns) if n_late >= settings.late_step_bins else None
         seconds.keep(point, self._newest_us - 1e6 * settings.bursty_window_s)
@@ -282,12 +279,12 @@ class ClockEstimator:
         self._scatter_ns = scatter_ns(points, line)
         span_us = points[-1][0] - points[0][0]
         enough = len(points) >= settings.warm_bins
-        # While less than one beat has been seen, the kept delays scatter little although the line is wrong: what the
-        # link usually adds says how far a beat may go.
+        # The link's own clock beats against the device's: while less than one beat has been seen, the kept delays
+        # scatter little although the line is wrong. What the link usually adds bounds how far a beat may go.
         usual_ns = sorted(self._residuals)[len(self._residuals) // 2] if self._residuals else 0.0
         spread_ns = max(self._scatter_ns, usual_ns)
         self._slope_uncertainty = spread_ns / span_us if enough else float("inf")
-        if self._bursty:  # bursts are of one age for minutes, then of another: little scatter says nothing
+        if self._bursty:  # bursts are of one age for minutes, then of another: little scatter proves nothing
             enough = enough and span_us >= 0.5e6 * settings.bursty_window_s
         known = self._slope_uncertainty <= 1e-3 * settings.warm_uncertainty_ppm or span_us > 0.9e6 * self._window_s()
         self._warm = enough and (self._warm or known)

@@ -17,21 +17,27 @@ FloatArray = npt.NDArray[np.float64]
 
 MODULUS_US = 2**32
 MAX_LATENCY_US = 60_000_000
-"""A reply whose clock reading is further from what the samples around it say belongs to another segment."""
+"""A reply whose clock reading is further from what the samples around it predict belongs to another segment."""
 
 
 @dataclass(frozen=True, slots=True)
 class OffsetInterval:
-    """Bounds of the true host time of samples minus the time they are mapped to, over one clock segment."""
+    """Where the truth lies: live, of host minus device time; offline, of host time minus the time mapped to."""
 
     low_ns: float | None
-    """A sample was not taken earlier than this before its mapped time, ns (negative); None without round trips."""
+    """It is not below this, ns; None without round trips."""
     high_ns: float
-    """Nor later than this after it, ns."""
+    """Nor above this, ns."""
     consistent: bool
-    """Whether the bounds agree everywhere. If not, somebody stamps too early: the device or the host."""
+    """Whether the bounds agree everywhere. If not, somebody stamps too early: the device, its reception of requests (by
+    a stale clock reading), or the host, its arrivals (before the read that brought them)."""
     n_round_trips: int
     """Round trips that bound it."""
+
+    @property
+    def bounds_ns(self) -> tuple[float, float] | None:
+        """Both bounds, ns; None without round trips."""
+        return None if self.low_ns is None else (self.low_ns, self.high_ns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ SECOND_NS = 10**9
 
 
 class Seconds:
-    """Keeps one point a second, and those apart that came so late that they say nothing of the line.
+    """Keeps one point a second, and those apart that came so late that they mean nothing for the line.
 
     Chunks of one late second are chance; many such seconds in a row are a step of the clock. So late seconds wait
     outside the kept ones until the next good second forgets them, or they are enough to be believed.

@@ -11,7 +11,6 @@ new *segment* there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -23,29 +22,19 @@ IntArray = npt.NDArray[np.int64]
 Number = TypeVar("Number", bound=np.integer[Any])
 
 
-@dataclass(frozen=True, slots=True)
-class UnwrapSettings:
-    """How far the device clock may seem to stray from the host's before it is called a step.
-
-    A sample is explained when it is at most ``max_ahead_s + max_skew_ppm * age`` ahead of the prediction, at most
-    ``max_latency_s + max_skew_ppm * age`` behind it, and at most ``max_reorder_s`` before the newest sample so far.
-    ``age`` is the host time since the reference, the last chunk that came with (nearly) the least delay so far: that is
-    the gap, or little more.
-    """
-
-    max_skew_ppm: float = 500.0
-    """Largest difference in rate of the two clocks; crystals stay below 200 ppm, so an hour's gap allows 1.8 s."""
-    max_ahead_s: float = 1.0
-    """How far a sample may be ahead of the prediction at no gap: a backlog that was there from the start and drains."""
-    max_latency_s: float = 60.0
-    """How late a sample may arrive: a stalled link that delivers afterwards what it kept."""
-    max_reorder_s: float = 0.5
-    """How far a sample may be before the newest one received: reordering, five samples at 10 Hz."""
-    settle_s: float = 5.0
-    """For so long after a segment's start, or after a gap beyond ``max_latency_s``, ``max_latency_s`` takes the place
-    of ``max_ahead_s``: the first chunks may all be late ..."""
-    settle_chunks: int = 20
-    """... and for at least so many chunks."""
+MAX_SKEW_PPM = 500.0
+"""Largest difference in rate of the two clocks; crystals stay below 200 ppm, so an hour's gap allows 1.8 s."""
+MAX_AHEAD_S = 1.0
+"""How far a sample may be ahead of the prediction at no gap: a backlog that was there from the start and drains."""
+MAX_LATENCY_S = 60.0
+"""How late a sample may arrive: a stalled link that delivers afterwards what it kept."""
+MAX_REORDER_S = 0.5
+"""How far a sample may be before the newest one received: reordering, five samples at 10 Hz."""
+SETTLE_S = 5.0
+"""For so long after a segment's start, or after a gap beyond :data:`MAX_LATENCY_S`, that takes the place of
+:data:`MAX_AHEAD_S`: the first chunks may all be late ..."""
+SETTLE_CHUNKS = 20
+"""... and for at least so many chunks."""
 
 
 def changes(values: npt.NDArray[Number], before: int) -> npt.NDArray[Number]:
@@ -68,14 +57,13 @@ class ClockUnwrapper:
     Wrong only if the two clocks part by more than the stated bounds, or if a reset brings the clock, by chance, to
     within these bounds of where it would have been.
 
-    Parameters
-    ----------
-    settings
-        The bounds.
+    A sample is explained when it is at most ``MAX_AHEAD_S + MAX_SKEW_PPM * age`` ahead of the prediction, at most
+    ``MAX_LATENCY_S + MAX_SKEW_PPM * age`` behind it, and at most ``MAX_REORDER_S`` before the newest sample so far.
+    ``age`` is the host time since the reference, the last chunk that came with (nearly) the least delay so far: that is
+    the gap, or little more.
     """
 
-    def __init__(self, settings: UnwrapSettings | None = None) -> None:
-        self.settings = settings or UnwrapSettings()
+    def __init__(self) -> None:
         self._has_reference = False
         self._start_ns = 0  # host time of the chunk with which settling began
         self._chunks = 0  # since then
@@ -128,7 +116,7 @@ class ClockUnwrapper:
             self._newest_us = int(ticks[0])
             self._delay_us = 1e-3 * host_time_ns - self._newest_us
         # What a stalled link kept comes late, as at the start: it settles again.
-        stalled = host_time_ns - self._last_ns > 1e9 * self.settings.max_latency_s
+        stalled = host_time_ns - self._last_ns > 1e9 * MAX_LATENCY_S
         start_ns, chunks = (host_time_ns, 0) if stalled else (self._start_ns, self._chunks)
         prediction_us, ahead_us, late_us = self._window(host_time_ns, start_ns, chunks)
         # Of all readings that differ by whole wraps, the latest that is not beyond the window: nothing comes early.
@@ -136,14 +124,14 @@ class ClockUnwrapper:
         unwrapped = top_us - (top_us - ticks) % DEVICE_CLOCK_MODULUS_US
         # It may be late, but neither by more than a link can keep, nor far before what came already.
         newest_us = np.maximum.accumulate(np.maximum(unwrapped, self._newest_us))
-        earliest_us = np.maximum(newest_us - int(1e6 * self.settings.max_reorder_s), prediction_us - late_us)
+        earliest_us = np.maximum(newest_us - int(1e6 * MAX_REORDER_S), prediction_us - late_us)
         explained = unwrapped >= earliest_us
         n = len(ticks) if explained.all() else int(np.argmin(explained))
         if not n:
             return ticks[:0]
         self._newest_us = int(newest_us[n - 1])
         delay_us = 1e-3 * host_time_ns - self._newest_us
-        skew_us = self.settings.max_skew_ppm * 1e-9 * max(0, host_time_ns - self._reference_ns)
+        skew_us = MAX_SKEW_PPM * 1e-9 * max(0, host_time_ns - self._reference_ns)
         # The least delay predicts best, but it ages as the clocks drift apart: a chunk nearly as fast renews it.
         if delay_us <= self._delay_us + skew_us:
             self._delay_us, self._reference_ns = delay_us, host_time_ns
@@ -189,9 +177,8 @@ class ClockUnwrapper:
             Unwrapped device time, us; None, and nothing is taken into account, where a chunk may hold a jump or
             starts a segment.
         """
-        settings = self.settings
         waits_ns = changes(host_time_ns, self._last_ns)
-        if not self._has_reference or waits_ns.min() < 0 or waits_ns.max() > 1e9 * settings.max_latency_s:
+        if not self._has_reference or waits_ns.min() < 0 or waits_ns.max() > 1e9 * MAX_LATENCY_S:
             return None
         ticks = device_time_us.astype(np.int64)
         half = DEVICE_CLOCK_MODULUS_US // 2
@@ -206,15 +193,15 @@ class ClockUnwrapper:
         # The prediction is off by no more than the delays differ. Half of what is explained leaves room for rounding.
         delay_us = 1e-3 * host_time_ns - unwrapped
         spread_us = max(float(delay_us.max()), self._delay_us) - min(float(delay_us.min()), self._delay_us)
-        if spread_us > 0.5e6 * min(settings.max_ahead_s, settings.max_latency_s) or (
-            not forward and (newest_us - unwrapped).max() > 0.5e6 * settings.max_reorder_s
+        if spread_us > 0.5e6 * min(MAX_AHEAD_S, MAX_LATENCY_S) or (
+            not forward and (newest_us - unwrapped).max() > 0.5e6 * MAX_REORDER_S
         ):
             return None
         lasts = np.append(np.flatnonzero(waits_ns[1:]), len(ticks) - 1)  # of each chunk
         host_ns = host_time_ns[lasts]
         delay_us = 1e-3 * host_ns - newest_us[lasts]
         # A chunk becomes the reference where none before is below it by more than the skew allows: the least of these.
-        level_us = delay_us - settings.max_skew_ppm * 1e-9 * (host_ns - self._reference_ns)
+        level_us = delay_us - MAX_SKEW_PPM * 1e-9 * (host_ns - self._reference_ns)
         best = len(level_us) - 1 - int(np.argmin(level_us[::-1]))
         if level_us[best] <= self._delay_us:
             self._delay_us, self._reference_ns = float(delay_us[best]), int(host_ns[best])
@@ -256,14 +243,13 @@ class ClockUnwrapper:
         """
         away_us, _ = self.jump(device_time_us, host_time_ns)
         # What unwrap_many unwraps moves the prediction by no more than half of what is explained.
-        bound_us = 0.25e6 * min(self.settings.max_ahead_s, self.settings.max_latency_s)
+        bound_us = 0.25e6 * min(MAX_AHEAD_S, MAX_LATENCY_S)
         return self._has_reference and abs(away_us) <= bound_us
 
     def _window(self, host_time_ns: int, start_ns: int, chunks: int) -> tuple[int, int, int]:
         """Return the prediction, and how far ahead of it and behind it a reading is explained, all us."""
-        settings = self.settings
-        skew_us = settings.max_skew_ppm * 1e-9 * max(0, host_time_ns - self._reference_ns)
-        late_us = int(1e6 * settings.max_latency_s + skew_us)
-        settled = chunks >= settings.settle_chunks and host_time_ns - start_ns >= 1e9 * settings.settle_s
-        ahead_us = int(1e6 * settings.max_ahead_s + skew_us) if settled else late_us
+        skew_us = MAX_SKEW_PPM * 1e-9 * max(0, host_time_ns - self._reference_ns)
+        late_us = int(1e6 * MAX_LATENCY_S + skew_us)
+        settled = chunks >= SETTLE_CHUNKS and host_time_ns - start_ns >= 1e9 * SETTLE_S
+        ahead_us = int(1e6 * MAX_AHEAD_S + skew_us) if settled else late_us
         return int(1e-3 * host_time_ns - self._delay_us), ahead_us, late_us

@@ -1,9 +1,12 @@
 """The account of every sample: produced = received + lost on the link + rejected + dropped by the device.
 
 *Produced* counts from the first sample that could have come to the last one known of: samples received, or a STATUS
-that says how many there were. What is missing between them was *dropped* by the device (its own counter says how many),
-*rejected* here (a frame arrived in its place with a wrong CRC or impossible values), or *lost* on the way. A device
-reset closes the account of a segment and opens the next.
+that reports how many there were. What is missing between them was *dropped* by the device (by its own counter),
+*rejected* here (a frame arrived in its place with a wrong CRC or impossible values), or *lost* on the way.
+
+A device reset closes the account of a segment and opens the next; that a segment ends is decided by the assembler
+(:mod:`host.stream.samples`). The sum holds at any moment because only ``produced``, ``received``, ``rejected`` and
+``dropped`` are counted, and ``lost`` is what they leave.
 """
 
 from __future__ import annotations
@@ -59,7 +62,7 @@ class LossReport:
         return self.missing / self.produced if self.produced else 0.0
 
     def to_json(self) -> dict[str, Any]:
-        """Turn into what a result file says of losses."""
+        """Return what a result file holds of losses."""
         values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
         values["dropped_by_device"] = values.pop("dropped")
         return values | {"missing": self.missing, "share": round(self.share, 9)}
@@ -67,7 +70,12 @@ class LossReport:
 
 @dataclass(slots=True)
 class _Account:
-    """One segment."""
+    """One segment.
+
+    A STATUS counts samples since boot, a sample carries 16 bits of that count. The account's own numbers are those of
+    the samples, unwrapped by the caller from an arbitrary first; ``base`` is what lies between the two, known once a
+    STATUS came among samples.
+    """
 
     runs: MissingRuns
     first: int | None = None  # number of the first sample that could have come
@@ -78,7 +86,7 @@ class _Account:
     reordered: int = 0
     damaged: int = 0  # frames since the last sample
     spare: int = 0  # frames before it that stand for no sample missing there
-    dropped_now: int | None = None  # as the last STATUS said
+    dropped_now: int | None = None  # as the last STATUS reported
     status_end: int | None = None  # number the last STATUS covers up to
     base: int | None = None  # samples_produced minus unwrapped number
     pending: tuple[Status, Status] | None = None  # the first and the last STATUS before the first sample
@@ -135,18 +143,18 @@ class LossLedger:
         self._account = _Account(MissingRuns(self._max_runs))
 
     def missing_runs(self, shift: int = 0) -> list[MissingRun]:
-        """Give every run of missing samples kept, in order, with why each is missing; ``shift`` as above."""
+        """Return every run of missing samples kept, in order, with why each is missing; ``shift`` as above."""
         return [*self._closed_runs, *_shifted(self._account, shift)]
 
     def expected_start(self) -> int | None:
-        """Give the number of the next sample produced, where a STATUS told before the first sample came."""
+        """Return the number of the next sample produced, where a STATUS reported it before the first sample came."""
         account = self._account
         if account.pending is None or account.first is not None:
             return None
         return account.pending[1].samples_produced
 
     def first_number(self, number: int) -> int:
-        """Tell where an account that opens with this sample begins: a STATUS may have told of samples before it."""
+        """Return where an account that opens with this sample starts: a STATUS may have reported samples before it."""
         pending = self._account.pending
         if pending is None or not 0 <= number - pending[1].samples_produced < SEQUENCE_MODULUS // 2:
             return number
@@ -162,7 +170,7 @@ class LossLedger:
         damaged: IntArray | None = None,
         statuses: Sequence[tuple[int, Status]] = (),
     ) -> BoolArray:
-        """Enter samples, and what STATUS packets among them say.
+        """Enter samples, and the STATUS packets among them.
 
         Parameters
         ----------
@@ -180,6 +188,8 @@ class LossLedger:
         """
         n = len(numbers)
         keep = np.ones(n, dtype=np.bool_)
+        # Nearly all samples come one after the other; then only counters move, whatever their number. A STATUS has to
+        # be entered between the samples around it, because it settles all that it covers.
         counts_on = damaged is None and self._counts_on(numbers)
         if not counts_on and not statuses:
             return self._feed_disturbed(numbers, np.zeros(n, np.int64) if damaged is None else damaged.copy())
@@ -198,7 +208,7 @@ class LossLedger:
         return keep
 
     def _counts_on(self, numbers: IntArray) -> bool:
-        """Whether every sample follows the one before, as nearly always, and nothing is in doubt."""
+        """Whether every sample follows the one before, and no damaged frame waits for the run that it explains."""
         account, n = self._account, len(numbers)
         if account.first is None or account.damaged + account.spare or int(numbers[-1]) - account.last != n:
             return False
@@ -220,6 +230,8 @@ class LossLedger:
 
     def _enter_each(self, numbers: IntArray, damaged: IntArray) -> BoolArray:
         account = self._account
+        # Gaps alone can be entered run by run. Where a sample went back, or ever did, it may fill a run, so that what
+        # is missing changes with every sample.
         missing = np.diff(numbers, prepend=account.last) - 1
         if account.reordered or (missing < 0).any():
             pairs = zip(numbers.tolist(), damaged.tolist(), strict=True)
@@ -237,17 +249,18 @@ class LossLedger:
         if account.first is None:
             first = account.pending[0] if account.pending else status
             if status.samples_produced < first.samples_produced:
-                first = status  # reset before the first sample
+                first = status  # the count fell: it was reset before the first sample
             account.pending = (first, status)
             return
         if account.base is None:
-            # The low 16 bits are the next number; which wrap it is, the samples around it tell.
+            # The low 16 bits are the next number; which wrap it is follows from the samples around it.
             ahead = (status.samples_produced - (account.last + 1)) % SEQUENCE_MODULUS
             if ahead >= SEQUENCE_MODULUS // 2:
                 ahead -= SEQUENCE_MODULUS
             account.base = status.samples_produced - (account.last + 1 + ahead)
             missing = account.produced - account.received + max(0, ahead)
-            # Drops from before we listened cannot be told from those since, unless nothing is missing since.
+            # The counter starts at boot: drops from before the account cannot be told apart from those since. What is
+            # missing now bounds those since; the rest is taken for older, and only what is dropped from here on counts.
             account.dropped_now = max(0, status.samples_dropped - missing)
         end = status.samples_produced - account.base
         account.known_end = max(account.known_end, end)
@@ -257,7 +270,7 @@ class LossLedger:
         account.dropped_now = status.samples_dropped
 
     def report(self) -> LossReport:
-        """Give the account over all segments."""
+        """Return the account over all segments."""
         if self._account.first is None:
             return self._closed
         return _sum(self._closed, _report(self._account))
@@ -265,6 +278,7 @@ class LossLedger:
     def _open(self, number: int) -> None:
         account = self._account
         account.first = self.first_number(number)
+        # Numbers count on from a STATUS before the first sample (see SampleAssembler), so both are the same: base 0.
         if account.pending is not None and 0 <= number - account.pending[1].samples_produced < SEQUENCE_MODULUS // 2:
             first, last = account.pending
             account.base = 0
@@ -275,12 +289,13 @@ class LossLedger:
         account.known_end = account.first
 
     def _enter(self, number: int, damaged: int) -> bool:
-        """Enter one sample of a disturbed run, and the damaged frames before it; returns whether it is new."""
+        """Enter one sample of a disturbed run, and the damaged frames before it; return whether it is new."""
         account = self._account
         missing = max(0, number - account.last - 1)
         spare, account.spare = account.spare, max(0, damaged - missing)
         if account.spare and account.reordered:
-            # Where frames change places, one damaged may be missing behind the next sample, or before the last.
+            # More frames were damaged than are missing here. Where frames change places, one may belong to the gap in
+            # front of the last sample, or (kept as spare) behind the next; elsewhere they are noise.
             account.spare -= account.runs.explain(account.last, account.spare)
         else:
             account.spare = 0

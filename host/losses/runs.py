@@ -1,6 +1,6 @@
 """Runs of missing samples, and why each is missing: dropped by the device, arrived damaged, or lost on the link.
 
-What the device dropped, its STATUS says: so many between one STATUS and the next. A damaged frame between two samples
+What the device dropped, its STATUS counts: so many between one STATUS and the next. A damaged frame between two samples
 is one of those missing there. What neither explains was lost.
 """
 
@@ -116,18 +116,18 @@ class MissingRuns:
         return False
 
     def mark(self, end: int, dropped: int) -> None:
-        """Enter a STATUS: of the samples up to number ``end``, ``dropped`` more were dropped than the last one said."""
+        """Enter a STATUS: of the samples up to number ``end``, ``dropped`` more were dropped than by the last one."""
         self._marks.append((end, dropped))
 
     def settle(self, next_number: int) -> None:
-        """Say that nothing below ``next_number`` is still expected: STATUS that cover no more are accounted for."""
+        """Note that nothing below ``next_number`` is still expected: STATUS that cover no more are accounted for."""
         while self._marks and self._marks[0][0] <= next_number:
             end, dropped = self._marks.popleft()
             self._unplaced = _place_dropped(self._recent(), self._settled_end, end, dropped + self._unplaced)
             self._settled_end = max(self._settled_end, end)
 
     def all_runs(self, tail: MissingRun | None = None) -> list[MissingRun]:
-        """Give all runs kept, as far as it is known now; ``tail`` is missing behind the last sample."""
+        """Return all runs kept, as far as is known now; ``tail`` is missing behind the last sample."""
         settled = [run for run in self._runs if run.end <= self._settled_end]
         recent = [replace(run) for run in self._recent()]
         if tail is not None:

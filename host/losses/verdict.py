@@ -28,7 +28,7 @@ class CycleLosses:
     """Of the missing, those that the device dropped."""
 
     def to_json(self) -> dict[str, int]:
-        """Turn into plain values, with what follows from them."""
+        """Return plain values, with what follows from them."""
         lost = self.missing - self.rejected - self.dropped_by_device
         return {
             "produced": self.produced,
@@ -45,7 +45,7 @@ class LossVerdict:
     """What the losses of one trial come to."""
 
     degraded: bool
-    """Whether more is missing than a good trial may miss. The score is given all the same."""
+    """Whether more is missing than a good trial may miss. There is a score all the same."""
     reasons: tuple[str, ...]
     """Why, a sentence each; empty where nothing is degraded."""
     cycles_with_gaps: tuple[int, ...]
@@ -54,7 +54,7 @@ class LossVerdict:
     """The limits that were applied: of the trial, of a cycle, of the share of cycles with gaps."""
 
     def to_json(self) -> dict[str, Any]:
-        """Turn into plain values."""
+        """Return plain values."""
         return asdict(self)
 
 

@@ -162,7 +162,7 @@ def clock_values(clock: RemappedClock | None, n_unplaced: int) -> dict[str, Any]
         return None
     longest = max(clock.segments, key=lambda segment: segment.n_chunks)
     interval = longest.interval
-    bounds_ns = None if interval.low_ns is None else (interval.low_ns, interval.high_ns)
+    bounds_ns = interval.bounds_ns
     return {
         "offset_ms": longest.offset_ns / 1e6,
         "offset_interval_ms": None if bounds_ns is None else [(longest.offset_ns + ns) / 1e6 for ns in bounds_ns],

@@ -67,7 +67,7 @@ RESTARTED = "the device clock began anew"
 
 @dataclass(frozen=True, slots=True)
 class SegmentStart:
-    """Where a segment begins."""
+    """Where a segment starts."""
 
     segment: int
     time_s: float

@@ -17,20 +17,20 @@ class PacketDecoder(Protocol):
     """What turns the data of chunks into packets: one kind for bytes, one for CAN frames."""
 
     def feed(self, data: bytes) -> list[StreamItem]:
-        """Take the data of one chunk; return what it completed, in wire order. Never raises on what came in."""
+        """Return what the data of one chunk completes, in wire order. Never raises on what came in."""
 
     @property
     def counters(self) -> StreamCounters:
         """Snapshot of what was met so far."""
 
     def take_damage(self) -> list[int]:
-        """Tell after how many samples, of all delivered, damaged frames came since the last call; ascending."""
+        """Return after how many samples, of all delivered, damaged frames came since the last call; ascending."""
 
     def flush(self) -> list[StreamItem]:
-        """Give away what is still held: nothing follows."""
+        """Return what is still held: nothing follows."""
 
     def restart(self) -> None:
-        """Begin anew after the link was cut; the counters go on."""
+        """Start again after the link was cut; the counters go on."""
 
 
 class Link:
@@ -45,66 +45,65 @@ class Link:
     """
 
     def __init__(self, decoder: PacketDecoder | None = None, node: int | None = None) -> None:
-        self._decoder = decoder
+        self._decoder: PacketDecoder = decoder or StreamDecoder()
         self._node = node
+        self._undecided = decoder is None  # no chunk has shown yet which kind of link it is
         self.n_bytes = 0
         """Bytes received."""
 
     @property
     def counters(self) -> StreamCounters:
         """Snapshot of what was met so far."""
-        return StreamCounters() if self._decoder is None else self._decoder.counters
+        return self._decoder.counters
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What a person should be told of the link's traffic, a sentence each."""
+        """What a person should know of the link's traffic, a sentence each."""
         return tuple(getattr(self._decoder, "problems", ()))
 
     @property
     def is_of_bytes(self) -> bool:
-        """Whether it began with bytes, or with nothing yet; not with CAN frames."""
-        return self._decoder is None or isinstance(self._decoder, StreamDecoder)
+        """Whether it started with bytes, or with nothing yet; not with CAN frames."""
+        return isinstance(self._decoder, StreamDecoder)
 
     def feed(self, chunk: AnyChunk) -> list[StreamItem]:
-        """Decode one chunk; what it completed, in wire order.
+        """Decode one chunk; return what it completed, in wire order.
 
-        An empty chunk (the link was opened again) ends the frame begun before; what it gives came before the cut.
+        An empty chunk (the link was opened again) ends the frame under way; what is returned came before the cut.
         """
         if not chunk.data:
             held = self.flush()
-            if self._decoder is not None:
-                self._decoder.restart()
+            self._decoder.restart()
             return held
-        if self._decoder is None:
-            self._decoder = decoder_for(chunk, self._node)
+        if self._undecided:
+            self._decoder, self._undecided = decoder_for(chunk, self._node), False
         self.n_bytes += len(chunk.data)
         return self._decoder.feed(chunk.data)
 
     def feed_stretch(self, data: bytes) -> LocatedPackets:
-        """Decode many chunks of a byte link put end to end; what they completed, and where in them each of it ends.
+        """Decode many chunks of a byte link put end to end; return what they completed, and where each of it ends.
 
         Raises
         ------
         TypeError
             Not one of bytes: see :attr:`is_of_bytes`.
         """
-        if self._decoder is None:
-            self._decoder = StreamDecoder()
+        self._undecided = False
         self.n_bytes += len(data)
         if not isinstance(self._decoder, StreamDecoder):
-            raise TypeError("bytes put end to end are no CAN frames")
+            raise TypeError("CAN frames cannot be put end to end")
         return self._decoder.feed_located(data)
 
     def take_damage(self) -> list[int]:
-        """Tell after how many samples, of all delivered, damaged frames came since the last call; ascending."""
-        return [] if self._decoder is None else self._decoder.take_damage()
+        """Return after how many samples, of all delivered, damaged frames came since the last call; ascending."""
+        return self._decoder.take_damage()
 
     def flush(self) -> list[StreamItem]:
-        """Give away what the decoder still holds: the link is over.
+        """Return what the decoder still holds: the link is over.
 
-        CAN samples behind a long silence wait for the frame that says which they are.
+        CAN samples behind a long silence wait for the frame that shows which they are.
         """
-        return [] if self._decoder is None else self._decoder.flush()
+        return self._decoder.flush()
 
 
 def decoder_for(chunk: AnyChunk, node: int | None = None) -> PacketDecoder:

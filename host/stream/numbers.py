@@ -41,13 +41,13 @@ class SequenceUnwrapper:
         Parameters
         ----------
         start : int, optional
-            Number of the next sample produced, as a STATUS told; the next number is read nearest to it.
+            Number of the next sample produced, as a STATUS reported; the next number is read nearest to it.
         """
         self._last = None if start is None else start - 1
         self._last_us = -1
 
     def rebase_time(self, device_time_us: int) -> None:
-        """Say what the device clock would have read at the last sample, after the clock was stepped."""
+        """Set what the device clock would have read at the last sample, after the clock was stepped."""
         self._last_us = device_time_us
 
     def feed(self, sequence: npt.NDArray[np.uint16], device_time_us: IntArray) -> IntArray:
@@ -56,14 +56,14 @@ class SequenceUnwrapper:
         Parameters
         ----------
         sequence : (n,) uint16
-            As received; repeated and late ones are welcome.
+            As received, with repeated and late ones.
         device_time_us : (n,) int64
             Unwrapped device time.
 
         Returns
         -------
         (n,) int64
-            Unwrapped numbers. The first ever is kept as it is, or read nearest to the ``start`` given.
+            Unwrapped numbers. The first ever is kept as it is, or read nearest to ``start``.
         """
         run = self._undisturbed_run(sequence, device_time_us)
         if run is not None:

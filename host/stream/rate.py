@@ -26,10 +26,10 @@ class RateMeter:
             self._bins.append((tenth, n))
 
     def rate_hz(self, now_ns: int) -> float | None:
-        """Give the rate over the last whole tenths, 1/s; None during the first half second."""
+        """Return the rate over the last whole tenths, 1/s; None during the first half second."""
         if self._first is None:
             return None
-        end = now_ns // BIN_NS  # the tenth under way is not counted, nor the first, which began anywhere
+        end = now_ns // BIN_NS  # the tenth under way is not counted, nor the first, which started anywhere
         start = max(self._first + 1, end - N_BINS)
         if end - start < 4:
             return None

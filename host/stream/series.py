@@ -15,9 +15,9 @@ Number = TypeVar("Number", np.int64, np.float64)
 
 FIRST_SAMPLES = 1 << 16
 GROWTH = 1.25
-"""Room is made for so many times what there is; most systems then only move pages, no bytes."""
+"""Memory is reserved for so many times what there is; most systems then only move pages, no bytes."""
 MARGIN = 1.03
-"""Where it is known which share came, room is made for all, and a little more ..."""
+"""Where it is known which share came, memory is reserved for all, and a little more ..."""
 LARGEST_GROWTH = 16
 """... up to so many times what there is."""
 
@@ -28,7 +28,7 @@ class SampleGatherer:
     Parameters
     ----------
     share : callable, optional
-        Tells which share of all samples came at least, 0 where that is not known.
+        Returns which share of all samples came at least, 0 where that is not known.
     """
 
     def __init__(self, share: Callable[[], float] = lambda: 0.0) -> None:
@@ -50,10 +50,10 @@ class SampleGatherer:
             self._n = last
 
     def _grow(self, n: int) -> None:
-        """Make room for n samples, and for those that will follow."""
+        """Reserve memory for n samples, and for those that will follow."""
         share = self._share()
         expected = int(min(MARGIN * n / share, LARGEST_GROWTH * n)) if share > 0.0 else 0
-        if expected > GROWTH * n:  # new memory: of so much, most systems give large pages
+        if expected > GROWTH * n:  # new memory: for so much, most systems use large pages
             self._index = _moved(self._index, expected, self._n)
             self._time_s = _moved(self._time_s, expected, self._n)
             self._quats = _moved(self._quats, expected, self._n)
@@ -64,7 +64,7 @@ class SampleGatherer:
             self._quats.resize((capacity, 4), refcheck=False)
 
     def series(self, source: str, notes: Iterable[str] = ()) -> OrientationSeries:
-        """Give the series, late samples put where they belong; nothing can be added after it.
+        """Return the series, late samples put where they belong; nothing can be added after it.
 
         Parameters
         ----------

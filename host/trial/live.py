@@ -222,24 +222,9 @@ class Trial:
         return self._clock.estimate()
 
     def clock_values(self) -> dict[str, Any] | None:
-        """Lay out the live estimate of the object's clock, for a result file; None before the first sample."""
+        """Return the live estimate of the object's clock, for a result file; None before the first sample."""
         estimate = self._clock.estimate()
-        if estimate is None:
-            return None
-        interval = _interval(estimate)
-        return {
-            "segments": self._clock.segment + 1,
-            "skew_ppm": estimate.skew_ppm if estimate.warm else None,
-            "skew_uncertainty_ppm": _number(estimate.skew_uncertainty_ppm),
-            "offset_interval_ms": None if interval is None else [bound / 1e6 for bound in interval],
-            "offset_uncertainty_ms": (interval[1] - interval[0]) / 1e6 if interval and estimate.consistent else None,
-            "consistent": estimate.consistent,
-            "round_trips": estimate.n_round_trips,
-            "jitter_p50_ms": _number(estimate.jitter_p50_ns / 1e6),
-            "jitter_p99_ms": _number(estimate.jitter_p99_ns / 1e6),
-            "warm_up_s": estimate.warm_up_s,
-            "bursty": estimate.bursty,
-        }
+        return None if estimate is None else estimate.to_json()
 
     def _map(self, samples: UnwrappedSamples) -> None:
         stamps_ns = self._clock.map(samples.device_time_us, samples.host_time_ns)
@@ -335,14 +320,9 @@ class Trial:
             skew_ppm=estimate.skew_ppm if estimate is not None and estimate.warm else None,
             jitter_p99_ms=None if estimate is None else _number(estimate.jitter_p99_ns / 1e6),
             jitter_p50_ms=None if estimate is None else _number(estimate.jitter_p50_ns / 1e6),
-            offset_interval_ns=None if estimate is None else _interval(estimate),
+            offset_interval_ns=None if estimate is None else estimate.interval.bounds_ns,
             clock_warm_up_s=None if estimate is None else estimate.warm_up_s,
         )
-
-
-def _interval(estimate: ClockEstimate) -> tuple[float, float] | None:
-    low_ns = estimate.offset_low_ns
-    return None if low_ns is None else (low_ns, estimate.offset_high_ns)
 
 
 def _number(value: float) -> float | None:

@@ -118,7 +118,7 @@ def test_round_trips_make_the_offset_an_interval_that_holds_the_truth():
     rng = np.random.default_rng(3)
     estimator, device = ClockEstimator(), Device()
     run(estimator, device, 0.0, 2.0, lambda _: 0.003 + rng.exponential(1e-3))
-    assert estimator.estimate().offset_low_ns is None
+    assert estimator.estimate().interval.low_ns is None
     widths = []
     for second in range(2, 100):
         run(estimator, device, second, second + 1, lambda _: 0.003 + rng.exponential(1e-3))
@@ -128,11 +128,11 @@ def test_round_trips_make_the_offset_an_interval_that_holds_the_truth():
         assert estimator.feed_round_trip(sent, x, x + 500, received) is None
         estimate = estimator.estimate()
         truth = device.host_ns(estimate.reference_us) - 1000 * estimate.reference_us
-        assert estimate.offset_low_ns <= truth <= estimate.offset_high_ns
-        widths.append(estimate.offset_high_ns - estimate.offset_low_ns)
-    assert estimate.n_round_trips == 64
+        assert estimate.interval.low_ns <= truth <= estimate.interval.high_ns
+        widths.append(estimate.interval.high_ns - estimate.interval.low_ns)
+    assert estimate.interval.n_round_trips == 64
     assert 0.4e6 < np.median(widths[20:]) < 1.5e6  # the two constant parts, and little more
-    assert estimate.offset_high_ns < estimate.offset_ns  # samples are 3 ms late, replies 0.2 ms: that is told
+    assert estimate.interval.high_ns < estimate.offset_ns  # samples are 3 ms late, replies 0.2 ms: that is told
 
 
 def test_a_round_trip_that_contradicts_itself_is_ignored():
@@ -141,19 +141,19 @@ def test_a_round_trip_that_contradicts_itself_is_ignored():
     x, now = device.device_us(20.0), device.host_ns(device.device_us(20.0))
     assert estimator.feed_round_trip(now, x, x + 50_000, now + 1_000_000) is None  # 50 ms inside of 1 ms
     assert estimator.feed_round_trip(now, x, x - 1, now + 1_000_000) is None
-    assert estimator.estimate().n_round_trips == 0
+    assert estimator.estimate().interval.n_round_trips == 0
     assert estimator.segment == 0
 
 
 def test_a_device_that_stamps_requests_too_early_is_told():
     estimator, device = ClockEstimator(), Device()
     run(estimator, device, 0.0, 20.0)
-    assert estimator.estimate().consistent
+    assert estimator.estimate().interval.consistent
     x, now = device.device_us(20.0), device.host_ns(device.device_us(20.0))
     assert estimator.feed_round_trip(now, x, x + 100, now + 2_000_000) is None
-    assert estimator.estimate().consistent
+    assert estimator.estimate().interval.consistent
     assert estimator.feed_round_trip(now, x - 5_000, x + 100, now + 7_000_000) is None
-    assert not estimator.estimate().consistent
+    assert not estimator.estimate().interval.consistent
 
 
 def test_a_gap_of_hours_keeps_the_skew_and_is_no_step():
@@ -224,4 +224,4 @@ def test_memory_is_bounded():
     # What was kept before has been replaced by as much, now traced: 2048 residuals, 60 seconds, 64 round trips.
     assert current < 250_000
     assert estimator.estimate().n_bins <= 61
-    assert estimator.estimate().n_round_trips == 64
+    assert estimator.estimate().interval.n_round_trips == 64

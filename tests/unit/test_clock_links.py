@@ -41,10 +41,10 @@ def test_the_offset_interval_holds_the_truth_from_the_start(name: str):
         if link.true_s[k] < next_s:
             continue
         estimate = estimator.estimate()
-        assert estimate.offset_high_ns >= true_ns - 1000 * device_us
+        assert estimate.interval.high_ns >= true_ns - 1000 * device_us
         if next_s > 0.0:
-            assert estimate.offset_low_ns <= true_ns - 1000 * device_us
-            assert estimate.consistent
+            assert estimate.interval.low_ns <= true_ns - 1000 * device_us
+            assert estimate.interval.consistent
         next_s += 4.9
         sent, received = true_ns - 1e6 * rng.exponential(1.0), true_ns + 1e6 * rng.exponential(1.0)
         assert estimator.feed_round_trip(int(sent), device_us, device_us, int(received) + 1) is None

@@ -117,8 +117,8 @@ def test_round_trip_with_wrapped_or_whole_uptime():
         wire.trial.feed_round_trips([RoundTrip(sent, uptime, uptime + 100, sent + 1_600_000)])
     estimate = wire.trial.clock_estimate
     assert wire.segments == 1
-    assert estimate.n_round_trips == 2
-    assert estimate.offset_low_ns < estimate.offset_ns - 1_000_000 < estimate.offset_high_ns
+    assert estimate.interval.n_round_trips == 2
+    assert estimate.interval.low_ns < estimate.offset_ns - 1_000_000 < estimate.interval.high_ns
 
 
 def test_round_trip_of_another_life_is_ignored():
@@ -127,7 +127,7 @@ def test_round_trip_of_another_life_is_ignored():
     assert wire.trial.clock_estimate is None
     wire.run(0.0, 20.0)
     wire.trial.feed_round_trips([RoundTrip(HOST_NS, 900 * S, 900 * S + 10, HOST_NS + 20_000_000_000)])
-    assert wire.trial.clock_estimate.n_round_trips == 0
+    assert wire.trial.clock_estimate.interval.n_round_trips == 0
 
 
 def test_round_trip_that_proves_a_step():
