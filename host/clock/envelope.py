@@ -4,6 +4,9 @@ Delay is host arrival minus device time. It is offset, plus skew, plus what tran
 The best line below n points (least sum of distances) is the edge of their lower convex hull above their mean abscissa:
 S. B. Moon, P. Skelly, D. Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM
 1999.
+
+Why the lower edge and not a regression: a busy laptop adds tens of milliseconds to most arrivals of a minute, and never
+takes a microsecond away from one. A mean moves with the load; the fastest arrivals do not.
 """
 
 from __future__ import annotations
@@ -65,6 +68,7 @@ def lower_hull(points: Sequence[Point]) -> list[Point]:
             if hull[-1][1] <= y:
                 continue
             hull.pop()
+        # The last corner stays only if the hull turns left there: on or above the chord it is no part of the edge.
         while len(hull) > 1:
             (x0, y0), (x1, y1) = hull[-2], hull[-1]
             if (y1 - y0) * (x - x0) < (y - y0) * (x1 - x0):
@@ -104,6 +108,8 @@ def envelope_line(points: Sequence[Point]) -> DelayLine:
     """Return the line below all ``points`` with the least sum of distances (hull edge above their mean time)."""
     if not points:
         raise ValueError("an envelope needs at least one point")
+    # The sum of distances is n times the height of the points' mean above the line. So the best line below all points
+    # is the one highest at the mean time: the hull's edge there.
     return hull_line(points, sum(x for x, _ in points) // len(points))
 
 

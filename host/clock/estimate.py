@@ -80,15 +80,13 @@ class ClockEstimate:
 
     def to_json(self) -> dict[str, Any]:
         """Return what a result file holds of the live estimate."""
-        bounds_ns = self.interval.bounds_ns
+        bounds_ns, width_ns = self.interval.bounds_ns, self.interval.width_ns
         return {
             "segments": self.segment + 1,
             "skew_ppm": self.skew_ppm if self.warm else None,
             "skew_uncertainty_ppm": self.skew_uncertainty_ppm if np.isfinite(self.skew_uncertainty_ppm) else None,
             "offset_interval_ms": None if bounds_ns is None else [bound / 1e6 for bound in bounds_ns],
-            "offset_uncertainty_ms": (bounds_ns[1] - bounds_ns[0]) / 1e6
-            if bounds_ns and self.interval.consistent
-            else None,
+            "offset_uncertainty_ms": None if width_ns is None else width_ns / 1e6,
             "consistent": self.interval.consistent,
             "round_trips": self.interval.n_round_trips,
             "jitter_p50_ms": self.jitter_p50_ns / 1e6,

@@ -39,6 +39,11 @@ class OffsetInterval:
         """Both bounds, ns; None without round trips."""
         return None if self.low_ns is None else (self.low_ns, self.high_ns)
 
+    @property
+    def width_ns(self) -> float | None:
+        """How well the truth is known, ns; None where it is not bounded, or the bounds contradict each other."""
+        return None if self.low_ns is None or not self.consistent else self.high_ns - self.low_ns
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoundTrips:

@@ -1,12 +1,11 @@
 """A trial as it happens: chunks in, cycles and a running score out, with bounded memory.
 
-The same object runs under a live capture and under a replay. What it says is provisional: the result is made from the
+The same object runs under a live capture and under a replay. What it shows is provisional: the result is made from the
 whole recording afterwards (:mod:`host.results.result`).
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,11 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from analysis.cycles.online.detector import OnlineCycleDetector
-from analysis.geometry import rotations
-from analysis.scoring.trust import MIN_REST_FOR_FLOOR_S
 from analysis.sensor.baseline import StaticBaseline
 from firmware_protocol.items import StreamItem
-from firmware_protocol.packets import Event, OrientationBatch, OrientationFlag, Status
+from firmware_protocol.packets import Event, OrientationBatch
 from host.clock.estimate import ClockEstimate
 from host.clock.estimator import ClockEstimator
 from host.links.transport import AnyChunk
@@ -28,17 +25,10 @@ from host.stream.decoding import Link
 from host.stream.rate import RateMeter
 from host.stream.round_trips import RoundTrip
 from host.stream.samples import SampleAssembler
-from host.text import plain
-from host.trial.first_rest import FirstRest
 from host.trial.running_score import RunningScore
+from host.trial.sensor import SensorWatch
 from host.trial.state import CycleRow, LinkView, MotionView, SensorView, TrialState
-
-TURN_S = 0.5
-"""Stretch over which the turning rate is taken."""
-PEAK_S = 1.0
-"""How long the fastest turn is kept: longer than from one picture to the next."""
-SATURATION_S = 1.0
-"""How long a saturated sample is shown."""
+from host.trial.turning import Turning
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,15 +94,10 @@ class Trial:
         )
         self.score = RunningScore(target_half_width_deg)
         """End points so far, and the operator's edits."""
-        self._baseline = baseline
-        self._rest: FirstRest | None = FirstRest() if baseline is None else None
-        self._floor_known = baseline is not None  # a short rest tells the drift, but no floor
-        self._recent: deque[tuple[float, npt.NDArray[np.float64]]] = deque(maxlen=64)
-        self._peak = (-np.inf, 0.0)  # when the object turned fastest of late, and how fast, deg/s
-        self._saturated_s = -np.inf
-        self._withdrawn = self._runs = 0
+        self._sensor = SensorWatch(baseline)
+        self._turning = Turning()
+        self._withdrawn = self._runs = 0  # of the detector, as last seen
         self._newest_s = 0.0
-        self._last_block: SampleBlock | None = None
         self._sampled_ns: int | None = None  # when the last sample came, also one that has no place yet
         self._heard_ns = 0  # when the newest chunk was received
         self.reconnects = 0
@@ -139,7 +124,7 @@ class Trial:
         return self._newest_s
 
     def feed(self, chunk: AnyChunk) -> TrialUpdate:
-        """Take one chunk; an empty one says that the link was opened again."""
+        """Process one chunk; an empty one means that the link was opened again."""
         if chunk.data:
             self._heard_ns = chunk.host_time_ns
         update = self._feed_items(self.link.feed(chunk))
@@ -150,7 +135,7 @@ class Trial:
         return update
 
     def finish(self) -> TrialUpdate:
-        """Take what the link still holds: no chunk follows."""
+        """Process what the link still holds: no chunk follows."""
         return self._feed_items(self.link.flush())
 
     def _feed_items(self, items: list[StreamItem]) -> TrialUpdate:
@@ -161,7 +146,6 @@ class Trial:
         self.assembler.damaged(self.link.take_damage())
         for block in self.assembler.feed(items, self._heard_ns):
             self._rate.add(len(block), self._heard_ns)
-            self._last_block = block
             cycles += self._feed_block(block)
         events = [(item, self.assembler.locate_s(item, self._heard_ns)) for item in items if isinstance(item, Event)]
         decoded, self._decoded = self._decoded, []
@@ -176,7 +160,7 @@ class Trial:
                 self._clock.feed_round_trip(trip.sent_ns, receive_us, transmit_us, trip.received_ns)
 
     def state(self, now_ns: int, elapsed_s: float, link: LinkView, warnings: tuple[str, ...] = ()) -> TrialState:
-        """Give a picture of this moment.
+        """Return a picture of this moment.
 
         Parameters
         ----------
@@ -189,7 +173,7 @@ class Trial:
         warnings : tuple of str
             What a person should know.
         """
-        online, interval = self._detector.state, self.score.interval
+        interval = self.score.interval
         return replace(
             self._base,
             elapsed_s=elapsed_s,
@@ -201,17 +185,8 @@ class Trial:
             more_cycles=self.score.more_cycles,
             origin_wxyz=self.score.origin_wxyz,
             window=self.score.window,
-            motion=MotionView(
-                phase=self._motion_phase(),
-                moving=online.moving,
-                period_s=self.period_s,
-                swing_deg=online.swing_deg or None,
-                cycle_phase=online.phase if online.endpoints else None,
-                flags=online.flags,
-                turn_rate_dps=self._turn_rate_dps(),
-                peak_rate_dps=self._peak[1] if self._recent else None,
-            ),
-            sensor=self._sensor_view(),
+            motion=self.motion_view(),
+            sensor=self.sensor_view(),
             link=self._link_view(link, now_ns),
             warnings=warnings,
         )
@@ -232,18 +207,18 @@ class Trial:
 
     def _feed_block(self, block: SampleBlock) -> list[CycleRow]:
         self._newest_s = max(self._newest_s, float(block.time_s.max()))
-        self._look_at_rate(float(block.time_s[-1]), block.quats_wxyz[-1])
-        if np.any(block.flags & OrientationFlag.SATURATED):
-            self._saturated_s = self._newest_s
+        self._sensor.feed(block, self._newest_s)
+        pose = float(block.time_s[-1]), block.quats_wxyz[-1]
+        if self._turning.feed(*pose):
+            self._sensor.feed_pose(*pose)
         # Samples that come late are in the recording; the detector, being causal, passes them over.
         found = self._detector.feed(block.time_s, block.quats_wxyz, block.index.tolist())
         withdrawn = self._detector.state.withdrawn
         if withdrawn > self._withdrawn:
             self._withdrawn = withdrawn
             self.score.forget()
-        if found and self._rest is not None:
-            self._baseline, self._rest = self._rest.baseline(), None
-            self._floor_known = self._baseline is not None and self._baseline.duration_s >= MIN_REST_FOR_FLOOR_S
+        if found:
+            self._sensor.end_rest()
         rows = []
         for endpoint in found:
             # Several found at once lie in one run: only the first can have a gap before it.
@@ -251,56 +226,25 @@ class Trial:
             self._runs = self._detector.state.runs
         return rows
 
-    def _look_at_rate(self, time_s: float, quat: npt.NDArray[np.float64]) -> None:
-        """Keep a pose now and then, and the fastest turn between two of them."""
-        if self._recent:
-            before_s, before = self._recent[-1]
-            if time_s - before_s < TURN_S / 16:
-                return
-            rate_dps = float(np.degrees(rotations.distance(quat, before))) / (time_s - before_s)
-            if time_s - self._peak[0] > PEAK_S or rate_dps > self._peak[1]:
-                self._peak = (time_s, rate_dps)
-        self._recent.append((time_s, quat))
-        if self._rest is not None:
-            self._rest.feed(time_s, quat)
-
-    def _turn_rate_dps(self) -> float | None:
-        """Mean turning rate over the last half second, deg/s."""
-        if len(self._recent) < 2:
-            return None
-        time_s, quat = self._recent[-1]
-        since_s, before = next(((t, q) for t, q in self._recent if time_s - t <= TURN_S), self._recent[-1])
-        if time_s <= since_s:
-            return None
-        return float(np.degrees(rotations.distance(quat, before))) / (time_s - since_s)
-
-    def _floor_deg(self) -> float | None:
-        period_s = self.period_s
-        if self._baseline is None or period_s is None or not self._floor_known:
-            return None
-        return self._baseline.detectable_deg(period_s, max(2, self.n_endpoints))
-
-    def _motion_phase(self) -> str:
-        if self._last_block is None:
-            return "no data"
-        return "running" if self.n_endpoints > 1 else "waiting for cycles"
-
-    def _sensor_view(self) -> SensorView:
-        info, status, block = self.assembler.info, self.assembler.status, self._last_block
-        flags = OrientationFlag(int(block.flags[-1])) if block is not None else None
-        w, x, y, z = (None,) * 4 if block is None else map(float, block.quats_wxyz[-1])
-        return SensorView(
-            name="" if info is None else plain(info.name, 32),
-            device_id="" if info is None else f"{info.device_id:016x}",
-            still=None if flags is None else OrientationFlag.STILL in flags,
-            saturated=self._newest_s - self._saturated_s < SATURATION_S,
-            calibrated=None if flags is None else OrientationFlag.CALIBRATED in flags,
-            temperature_c=_number(status.temperature_c) if isinstance(status, Status) else None,
-            battery_v=status.battery_mv / 1000 if isinstance(status, Status) and status.battery_mv else None,
-            heading_deg_per_min=None if self._baseline is None else self._baseline.total_rate_deg_per_min,
-            floor_deg=self._floor_deg(),
-            orientation_wxyz=None if w is None or x is None or y is None or z is None else (w, x, y, z),
+    def motion_view(self) -> MotionView:
+        """Return the motion as the online detector sees it now."""
+        online = self._detector.state
+        running = "running" if self.n_endpoints > 1 else "waiting for cycles"
+        return MotionView(
+            phase=running if self._sensor.has_samples else "no data",
+            moving=online.moving,
+            period_s=self.period_s,
+            swing_deg=online.swing_deg or None,
+            cycle_phase=online.phase if online.endpoints else None,
+            flags=online.flags,
+            turn_rate_dps=self._turning.rate_dps,
+            peak_rate_dps=self._turning.peak_dps,
         )
+
+    def sensor_view(self) -> SensorView:
+        """Return what is known of the object and its sensor now."""
+        assembler = self.assembler
+        return self._sensor.view(assembler.info, assembler.status, self._newest_s, self.period_s, self.n_endpoints)
 
     def _link_view(self, link: LinkView, now_ns: int) -> LinkView:
         counters = self.link.counters
@@ -318,12 +262,8 @@ class Trial:
             segment_reason=segments[-1].reason if len(segments) > 1 else "",
             reconnects=self.reconnects,
             skew_ppm=estimate.skew_ppm if estimate is not None and estimate.warm else None,
-            jitter_p99_ms=None if estimate is None else _number(estimate.jitter_p99_ns / 1e6),
-            jitter_p50_ms=None if estimate is None else _number(estimate.jitter_p50_ns / 1e6),
+            jitter_p99_ms=None if estimate is None else estimate.jitter_p99_ns / 1e6,
+            jitter_p50_ms=None if estimate is None else estimate.jitter_p50_ns / 1e6,
             offset_interval_ns=None if estimate is None else estimate.interval.bounds_ns,
             clock_warm_up_s=None if estimate is None else estimate.warm_up_s,
         )
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,91 @@
+"""The sensor as the samples show it: its last orientation and flags, and its own drift from a rest."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from analysis.scoring.trust import MIN_REST_FOR_FLOOR_S
+from analysis.sensor.baseline import StaticBaseline
+from firmware_protocol.packets import Info, OrientationFlag, Status
+from host.stream.blocks import SampleBlock
+from host.text import plain
+from host.trial.first_rest import FirstRest
+from host.trial.state import SensorView
+
+SATURATION_S = 1.0
+"""How long a saturated sample is shown."""
+
+
+class SensorWatch:
+    """Follows the sensor of one trial.
+
+    Parameters
+    ----------
+    baseline : StaticBaseline, optional
+        Of the sensor; by default from the rest before the motion, if there is one.
+    """
+
+    def __init__(self, baseline: StaticBaseline | None = None) -> None:
+        self._baseline = baseline
+        self._rest = FirstRest() if baseline is None else None  # until the first end point
+        self._floor_known = baseline is not None  # a short rest shows the drift, but no floor
+        self._saturated_s = -math.inf
+        self._last: SampleBlock | None = None
+
+    @property
+    def has_samples(self) -> bool:
+        """Whether samples have come."""
+        return self._last is not None
+
+    def feed(self, block: SampleBlock, newest_s: float) -> None:
+        """Take samples into account; ``newest_s`` is the newest time on the time axis so far."""
+        self._last = block
+        if np.any(block.flags & OrientationFlag.SATURATED):
+            self._saturated_s = newest_s
+
+    def feed_pose(self, time_s: float, quat_wxyz: npt.NDArray[np.float64]) -> None:
+        """Take a pose into account: before the motion it may be one of a rest."""
+        if self._rest is not None:
+            self._rest.feed(time_s, quat_wxyz)
+
+    def end_rest(self) -> None:
+        """Measure the rest: the motion has begun."""
+        if self._rest is not None:
+            self._baseline, self._rest = self._rest.baseline(), None
+            self._floor_known = self._baseline is not None and self._baseline.duration_s >= MIN_REST_FOR_FLOOR_S
+
+    def view(
+        self, info: Info | None, status: Status | None, newest_s: float, period_s: float | None, n_endpoints: int
+    ) -> SensorView:
+        """Return what is known of the object and its sensor now.
+
+        Parameters
+        ----------
+        info, status : Info, Status
+            The object's last, None without.
+        newest_s : float
+            Newest time on the time axis.
+        period_s, n_endpoints : float, int
+            Of the motion so far: what the floor depends on.
+        """
+        block, baseline = self._last, self._baseline
+        flags = None if block is None else OrientationFlag(int(block.flags[-1]))
+        w, x, y, z = (None,) * 4 if block is None else map(float, block.quats_wxyz[-1])
+        floor_deg = None
+        if baseline is not None and self._floor_known and period_s is not None:
+            floor_deg = baseline.detectable_deg(period_s, max(2, n_endpoints))
+        return SensorView(
+            name="" if info is None else plain(info.name, 32),
+            device_id="" if info is None else f"{info.device_id:016x}",
+            still=None if flags is None else OrientationFlag.STILL in flags,
+            saturated=newest_s - self._saturated_s < SATURATION_S,
+            calibrated=None if flags is None else OrientationFlag.CALIBRATED in flags,
+            temperature_c=status.temperature_c if status is not None and math.isfinite(status.temperature_c) else None,
+            battery_v=status.battery_mv / 1000 if status is not None and status.battery_mv else None,
+            heading_deg_per_min=None if baseline is None else baseline.total_rate_deg_per_min,
+            floor_deg=floor_deg,
+            orientation_wxyz=None if w is None or x is None or y is None or z is None else (w, x, y, z),
+        )
