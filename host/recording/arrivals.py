@@ -1,7 +1,7 @@
 """When each sample of a recording arrived, and which answer belongs to which TIME_REQUEST, for the offline clock.
 
 A recording is decoded many chunks at a time, because a chunk of one sample costs as much as one of a hundred. The
-decoder says where each frame ends, and so which of the chunks brought it. Requests and their answers bound the
+decoder reports where each frame ends, and so which of the chunks brought it. Requests and their answers bound the
 offset of the two clocks.
 """
 
@@ -140,24 +140,34 @@ class SampleArrivals:
 
 
 def _frame_arrivals(parts: list[AnyChunk], n: int) -> IntArray | None:
-    """Give each sample the time of its own CAN frame; None if they cannot be told apart."""
-    from firmware_protocol.can.frames import frame_array
-    from firmware_protocol.can.mapping import FD_BIT, NODE_BITS, CanFunction
+    """Return the time of each sample's own CAN frame; None if they cannot be told apart."""
+    from firmware_protocol.can.frames import FrameFlag
+    from firmware_protocol.can.mapping import CanFunction
 
-    times: list[Any] = []
-    for part in parts:
-        try:
-            records = frame_array(part.data)
-        except MalformedPacketError:
-            return None
-        function = (records["arbitration_id"] & ~np.uint32(FD_BIT)) >> NODE_BITS
-        times.append(records["host_time_ns"][(function == CanFunction.ORIENTATION) & (records["flags"] & 0x39 == 0)])
-    arrived: IntArray = np.concatenate(times).astype(np.int64)
+    frames = _frames(parts)
+    if frames is None:
+        return None
+    functions, records = frames
+    no_data = FrameFlag.EXTENDED | FrameFlag.REMOTE | FrameFlag.ERROR | FrameFlag.SENT
+    data = (functions == CanFunction.ORIENTATION) & (records["flags"] & int(no_data) == 0)
+    arrived: IntArray = records["host_time_ns"][data].astype(np.int64)
     return arrived if len(arrived) == n else None
 
 
+def _frames(parts: list[AnyChunk]) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.void]] | None:
+    """Return the function of each CAN frame, and the frames; None where the data are damaged."""
+    from firmware_protocol.can.frames import frame_array
+    from firmware_protocol.can.mapping import FD_BIT, NODE_BITS
+
+    try:
+        records = frame_array(b"".join(part.data for part in parts))
+    except MalformedPacketError:
+        return None
+    return (records["arbitration_id"] & ~np.uint32(FD_BIT)) >> NODE_BITS, records
+
+
 def clock_values(clock: RemappedClock | None, n_unplaced: int) -> dict[str, Any] | None:
-    """Lay out what the offline pass found, for a result file; None where it found nothing."""
+    """Return what the offline pass found, for a result file; None where it found nothing."""
     if clock is None:
         return None
     longest = max(clock.segments, key=lambda segment: segment.n_chunks)
@@ -197,7 +207,7 @@ class RecordedRoundTrips:
         self._found: list[tuple[int, int, int, int]] = []
 
     def feed_sent(self, data: bytes, host_time_ns: int) -> None:
-        """Take what the host sent, framed or (CAN) as the bare packet; what is no TIME_REQUEST is passed over."""
+        """Process what the host sent, framed or (CAN) as the bare packet; only TIME_REQUEST counts."""
         for packet in FrameDecoder().feed(data) if data[:1] == b"\0" else [data]:
             try:
                 command = decode_packet(packet)
@@ -207,7 +217,7 @@ class RecordedRoundTrips:
                 self._sent_ns[command.command_id].append(host_time_ns)
 
     def feed(self, reply: TimeReply, received_ns: int) -> None:
-        """Take an answer, and when the chunk was received that completed it."""
+        """Process an answer, and when the chunk was received that completed it."""
         sent_ns = self.sent_ns(reply, received_ns)
         if sent_ns is not None and len(self._found) < MAX_ROUND_TRIPS:
             self._found.append((sent_ns, reply.receive_uptime_us, reply.transmit_uptime_us, received_ns))
@@ -217,13 +227,13 @@ class RecordedRoundTrips:
         return max((at_ns for at_ns in self._sent_ns[reply.command_id] if at_ns <= received_ns), default=None)
 
     def feed_frames(self, parts: list[AnyChunk], items: Iterable[StreamItem]) -> None:
-        """Take chunks of CAN frames that were decoded together, and what they gave; each frame has its own time."""
+        """Process chunks of CAN frames that were decoded together, and their packets; each frame has its own time."""
         for item in items:
             if isinstance(item, TimeReply):
                 self.feed(item, _can_arrival(parts))
 
     def round_trips(self) -> RoundTrips:
-        """Give what was found, in order of arrival."""
+        """Return what was found, in order of arrival."""
         if not self._found:
             return NO_ROUND_TRIPS
         # Uptimes are u64; of a damaged one only the low bits matter, as of any.
@@ -232,16 +242,13 @@ class RecordedRoundTrips:
 
 
 def _can_arrival(parts: list[AnyChunk]) -> int:
-    """Give the time of the last frame that can have been part of a reply."""
-    from firmware_protocol.can.frames import frame_array
-    from firmware_protocol.can.mapping import FD_BIT, NODE_BITS, CanFunction
+    """Return the time of the last frame that can have been part of a reply."""
+    from firmware_protocol.can.mapping import CanFunction
 
-    try:
-        records = frame_array(b"".join(part.data for part in parts))
-    except MalformedPacketError:
+    frames = _frames(parts)
+    if frames is None:
         return parts[-1].host_time_ns
-    function = (records["arbitration_id"] & ~np.uint32(FD_BIT)) >> NODE_BITS
-    times = records["host_time_ns"][
-        (function == CanFunction.TIME_REPLY_RECEIVE) | (function == CanFunction.TIME_REPLY_TRANSMIT)
-    ]
+    functions, records = frames
+    of_reply = (functions == CanFunction.TIME_REPLY_RECEIVE) | (functions == CanFunction.TIME_REPLY_TRANSMIT)
+    times = records["host_time_ns"][of_reply]
     return int(times.max()) if len(times) else parts[-1].host_time_ns

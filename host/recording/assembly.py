@@ -27,7 +27,7 @@ IntArray = npt.NDArray[np.int64]
 MAX_EVENTS = 10_000
 """More events than a hand can make are damage or a flood: the rest is not kept."""
 MAX_RUNS = 1_000_000
-"""Runs of missing samples kept, to be told cycle by cycle: a day at 200 Hz with one sample in twenty missing."""
+"""Runs of missing samples kept, to be counted cycle by cycle: a day at 200 Hz with one sample in twenty missing."""
 PART_SAMPLES = 1 << 14
 """Samples taken together: what is worked out of them stays in the cache. Measured."""
 STRETCH_BYTES = 2**20
@@ -57,16 +57,16 @@ class _PlacedSamples:
 
 
 class TrialAssembly:
-    """Takes what a link delivered, in order, and gathers what a score needs.
+    """Processes what a link delivered, in order, and gathers what a score needs.
 
     Parameters
     ----------
     node : int, optional
         Node id of the object on a bus; by default the first that is heard.
     trips : RecordedRoundTrips, optional
-        Told what was sent; is told the answers.
+        Learns what was sent, and the answers.
     share : callable, optional
-        Tells which share of what was delivered has been fed, at least; 0 where that is not known.
+        Returns which share of what was delivered has been fed, at least; 0 where that is not known.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class TrialAssembly:
         self._heard_ns = 0
 
     def feed(self, delivered: Iterable[RawStretch | AnyChunk]) -> None:
-        """Take all that was delivered."""
+        """Process all that was delivered."""
         for item in _joined(delivered):
             if not isinstance(item, RawStretch):
                 self._feed_chunks(item)
@@ -97,7 +97,7 @@ class TrialAssembly:
                 self._feed_chunks([*item.chunks()])
 
     def finish(self) -> None:
-        """Take what the link still holds: nothing follows."""
+        """Process what the link still holds: nothing follows."""
         held = self.link.flush()
         self.assembler.damaged(self.link.take_damage())
         self.arrivals.came_unknown(held)
@@ -180,7 +180,7 @@ class TrialAssembly:
                 self.events.append(TimedEvent(time_s, event.kind.name, event.value))
 
     def _feed_chunks(self, parts: list[AnyChunk]) -> None:
-        """Feed chunks of CAN frames, or the empty one that says that the link was opened again."""
+        """Feed chunks of CAN frames, or the empty one: the link was opened again."""
         chunk = joined(parts)
         items = self.link.feed(chunk)
         self.assembler.damaged(self.link.take_damage())
@@ -204,7 +204,7 @@ class TrialAssembly:
 
 
 def _arrivals(stretch: RawStretch, ends: IntArray) -> tuple[IntArray, IntArray]:
-    """Tell in which chunk each packet ends (the first whose stop is behind it), and when it came. Ends ascend."""
+    """Return in which chunk each packet ends (the first whose stop is behind it), and when it came. Ends ascend."""
     if not len(ends):
         return ends, ends
     stops = stretch.stops

@@ -29,7 +29,7 @@ def load_can_log(path: Path, node: int | None = None) -> RecordedTrial:
         No CAN log, or no object in it.
     """
     if node is not None and not MIN_NODE <= node <= MAX_NODE:
-        raise UsageError(f"{node} is no node id", f"give one from {MIN_NODE} to {MAX_NODE}")
+        raise UsageError(f"{node} is not a valid node id", f"give one from {MIN_NODE} to {MAX_NODE}")
     log = read_can_log(path)
     trial = assemble(log.chunks, str(path), node)
     if not len(trial.series):

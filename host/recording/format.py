@@ -29,7 +29,7 @@ FORMAT_VERSION = 1
 PROFILE = "ros2"
 """MCAP profile: every channel is a ROS 2 one, so that ROS tools open the file."""
 METADATA_NAME = "rotdrift"
-"""Name of the metadata record that says: this is one of ours."""
+"""Name of the metadata record by which a file is one of ours."""
 
 RECEIVED = "/raw/received"
 SENT = "/raw/sent"
@@ -74,75 +74,63 @@ float64 z 0
 float64 w 1
 """.encode()
 
-INFO_TYPE = RosMessageType(
+
+def _checked(name: str, *fields: RosField) -> RosMessageType:
+    """Make a type whose messages end with a CRC."""
+    return RosMessageType(name, (*fields, RosField("uint32", CRC_FIELD, "of the type's name and all before")))
+
+
+INFO_TYPE = _checked(
     "rotdrift_msgs/msg/Info",
-    (
-        RosField("uint64", "device_id"),
-        RosField("uint32", "boot_id", "differs after every reset"),
-        RosField("string", "firmware_version"),
-        RosField("uint16", "rate_hz", "orientation rate"),
-        RosField("string", "name"),
-        RosField("string", "sensor"),
-        RosField("string", "filter"),
-        RosField("string", "card", "the object's own card, JSON"),
-        RosField("uint8", "protocol_major"),
-        RosField("uint8", "protocol_minor"),
-        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
-    ),
+    RosField("uint64", "device_id"),
+    RosField("uint32", "boot_id", "differs after every reset"),
+    RosField("string", "firmware_version"),
+    RosField("uint16", "rate_hz", "orientation rate"),
+    RosField("string", "name"),
+    RosField("string", "sensor"),
+    RosField("string", "filter"),
+    RosField("string", "card", "the object's own card, JSON"),
+    RosField("uint8", "protocol_major"),
+    RosField("uint8", "protocol_minor"),
 )
-STATUS_TYPE = RosMessageType(
+STATUS_TYPE = _checked(
     "rotdrift_msgs/msg/Status",
-    (
-        RosField("uint64", "uptime_us", "device clock without wrap"),
-        RosField("string", "state"),
-        RosField("uint64", "samples_produced", "since boot"),
-        RosField("uint32", "samples_dropped", "of these, by the object itself"),
-        RosField("uint16", "battery_mv", "0 without a battery"),
-        RosField("float64", "temperature_c"),
-        RosField("float64[3]", "gyro_bias_dps", "deg/s, sensor axes"),
-        RosField("uint16", "errors", "bits, see the protocol"),
-        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
-    ),
+    RosField("uint64", "uptime_us", "device clock without wrap"),
+    RosField("string", "state"),
+    RosField("uint64", "samples_produced", "since boot"),
+    RosField("uint32", "samples_dropped", "of these, by the object itself"),
+    RosField("uint16", "battery_mv", "0 without a battery"),
+    RosField("float64", "temperature_c"),
+    RosField("float64[3]", "gyro_bias_dps", "deg/s, sensor axes"),
+    RosField("uint16", "errors", "bits, see the protocol"),
 )
-EVENT_TYPE = RosMessageType(
+EVENT_TYPE = _checked(
     "rotdrift_msgs/msg/Event",
-    (
-        RosField("uint32", "device_time_us", "wraps"),
-        RosField("string", "kind"),
-        RosField("uint16", "value", "button number or marker"),
-        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
-    ),
+    RosField("uint32", "device_time_us", "wraps"),
+    RosField("string", "kind"),
+    RosField("uint16", "value", "button number or marker"),
 )
-ENDPOINT_TYPE = RosMessageType(
+ENDPOINT_TYPE = _checked(
     "rotdrift_msgs/msg/Endpoint",
-    (
-        RosField("uint32", "number", "of the cycle that ends here; 0 for the first end point"),
-        RosField("float64", "time_s", "since the first sample"),
-        RosField("float64", "period_s", "since the end point before; NaN for the first"),
-        RosField("float64", "step_deg", "angle of the step; NaN for the first"),
-        RosField("float64", "theta_bar_deg", "rotation drift so far, provisional; NaN below two end points"),
-        RosField("string", "flags", "what is odd about it, separated by commas"),
-        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
-    ),
+    RosField("uint32", "number", "of the cycle that ends here; 0 for the first end point"),
+    RosField("float64", "time_s", "since the first sample"),
+    RosField("float64", "period_s", "since the end point before; NaN for the first"),
+    RosField("float64", "step_deg", "angle of the step; NaN for the first"),
+    RosField("float64", "theta_bar_deg", "rotation drift so far, provisional; NaN below two end points"),
+    RosField("string", "flags", "what is odd about it, separated by commas"),
 )
-ACTION_TYPE = RosMessageType(
+ACTION_TYPE = _checked(
     "rotdrift_msgs/msg/Action",
-    (
-        RosField("string", "kind", "marker, note, window-start, window-stop, exclude, include, finish, pause, ..."),
-        RosField("float64", "time_s", "newest sample at that moment, since the first sample; NaN before it"),
-        RosField("string", "text", "what was typed"),
-        RosField("float64", "from_s", "end point at the begin of the cycle that is meant; NaN where none is"),
-        RosField("float64", "to_s", "end point at its end"),
-        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
-    ),
+    RosField("string", "kind", "marker, note, window-start, window-stop, exclude, include, finish, pause, ..."),
+    RosField("float64", "time_s", "newest sample at that moment, since the first sample; NaN before it"),
+    RosField("string", "text", "what was typed"),
+    RosField("float64", "from_s", "end point at the begin of the cycle that is meant; NaN where none is"),
+    RosField("float64", "to_s", "end point at its end"),
 )
-NOTE_TYPE = RosMessageType(
+NOTE_TYPE = _checked(
     "rotdrift_msgs/msg/Note",
-    (
-        RosField("string", "kind"),
-        RosField("string", "text"),
-        RosField("uint32", CRC_FIELD, "of the type's name and all before"),
-    ),
+    RosField("string", "kind"),
+    RosField("string", "text"),
 )
 
 
@@ -186,7 +174,7 @@ _WORLD_BYTES = WORLD_FRAME.encode() + b"\0"
 
 
 def metadata_crc(values: Mapping[str, str]) -> str:
-    """Give the CRC-32 over the recording's own metadata, all keys but ``crc32`` in order, as eight hex digits."""
+    """Return the CRC-32 over the recording's own metadata, all keys but ``crc32`` in order, as eight hex digits."""
     kept = {key: value for key, value in values.items() if key != "crc32"}
     return f"{zlib.crc32(json.dumps(kept, sort_keys=True).encode()):08x}"
 
@@ -203,7 +191,7 @@ def encode_raw(chunk: AnyChunk, sent: bool = False) -> bytes:
 
 
 def raw_length(data: bytes, at: int = 0) -> int | None:
-    """Give the length of the raw message that begins at a place, as its header says; None where it cannot be one."""
+    """Return the length of the raw message that starts at a place, by its header; None where it cannot be one."""
     if len(data) - at < _RAW_HEAD.size:
         return None
     head, _, _, kind, length = _RAW_HEAD.unpack_from(data, at)
@@ -216,7 +204,7 @@ def decode_raw(message: bytes, topic: str = RECEIVED) -> AnyChunk:
     Raises
     ------
     DamagedMessageError
-        Length, kind or CRC do not fit, or it is none of its topic's: the record says a wrong channel.
+        Length, kind or CRC do not fit, or it belongs to another topic: the record names a wrong channel.
     """
     if len(message) < _RAW_HEAD.size:
         raise DamagedMessageError("shorter than its header")
@@ -249,7 +237,7 @@ def encode_quaternion(stamp_ns: int, q_wxyz: Sequence[float]) -> bytes:
 
 
 def packet_values(packet: Info | Status | Event) -> dict[str, Any]:
-    """Turn a rare packet into the values of its message: names for enums, JSON for the card, texts made safe."""
+    """Return the values of a rare packet's message: names for enums, JSON for the card, texts made safe."""
     values = dataclasses.asdict(packet)
     if isinstance(packet, Info):
         values["firmware_version"] = ".".join(map(str, packet.firmware_version))

@@ -28,7 +28,7 @@ from host.trial.operator import OperatorAction, action_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedTrial:
-    """Everything a recording says that a score needs."""
+    """Everything in a recording that a score needs."""
 
     series: OrientationSeries
     """The samples; ``index`` is the unwrapped sequence number, time the device's own clock."""
@@ -55,13 +55,13 @@ class RecordedTrial:
     damage: tuple[str, ...]
     """What was wrong with the file."""
     header: RecordingHeader | None
-    """What the file says of itself; None where the chunks came from elsewhere."""
+    """How the file describes itself; None where the chunks came from elsewhere."""
     actions: tuple[OperatorAction, ...] = ()
     """What the operator did, in order, at most :data:`MAX_EVENTS`."""
 
     @property
     def clock(self) -> dict[str, Any] | None:
-        """What the offline pass says of the object's clock and of the link's jitter; None where nothing can be said.
+        """What the offline pass finds of the object's clock and of the link's jitter; None where it finds nothing.
 
         It runs at the first call.
         """
@@ -86,9 +86,9 @@ def assemble(
     node : int, optional
         Node id of the object on a bus; by default the first that is heard.
     trips : RecordedRoundTrips, optional
-        Told what was sent while the chunks are taken: it bounds the clock's offset.
+        Learns what was sent while the chunks are processed: it bounds the clock's offset.
     share : callable, optional
-        Tells which share of ``delivered`` has been given, at least; 0 where that is not known.
+        Returns which share of ``delivered`` has come, at least; 0 where that is not known.
     """
     assembly = TrialAssembly(node, trips, share)
     assembly.feed(delivered)
@@ -124,7 +124,7 @@ def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
     path : Path
         The ``.mcap`` file; cut ones are read up to the cut.
     continuation : bytes
-        Records the disk did not take, from the capture that just ended.
+        Records that could not be written, from the capture that just ended.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
 def _delivered(
     reader: RecordingReader, actions: list[OperatorAction], trips: RecordedRoundTrips
 ) -> Iterator[RawStretch | AnyChunk]:
-    """Give what the link delivered; collect what the operator did and what was sent on the way."""
+    """Yield what the link delivered; collect what the operator did and what was sent on the way."""
     for item in reader.stretches({fmt.SENT, fmt.ACTION}):
         if not isinstance(item, RecordedMessage):
             yield item

@@ -34,7 +34,7 @@ MAX_RECORD_BYTES = 64 * 2**20
 """A longer record is damage: ours have at most 64 KiB."""
 READ_BLOCK_BYTES = 2 * 2**20
 HANDFUL_BYTES = 4096
-"""So little at the end of a block waits for the next: a few records by themselves take as long as thousands."""
+"""So little at the end of a block waits for the next: a few records by themselves cost as much as thousands."""
 HEADER_BLOCK_BYTES = 16 * 2**10
 _FRAME = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -43,7 +43,7 @@ _PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, KeyError, Recurs
 
 @dataclass(frozen=True, slots=True)
 class RecordingHeader:
-    """What a recording says of itself."""
+    """How a recording describes itself."""
 
     version: str
     """Of rotdrift."""
@@ -67,7 +67,7 @@ class RecordedMessage:
     """When it was received or happened, wall clock, ns since 1970."""
 
     def values(self) -> dict[str, Any]:
-        """Take a message on one of the topics of :data:`host.recording.format.TYPES` apart.
+        """Return the values of a message on one of the topics of :data:`host.recording.format.TYPES`.
 
         Raises
         ------
@@ -97,7 +97,7 @@ class RecordingReader:
     path : Path
         The file.
     continuation : bytes
-        Records that belong after the end of the file, because the disk did not take them.
+        Records that belong after the end of the file, because they could not be written.
 
     Raises
     ------
@@ -116,19 +116,16 @@ class RecordingReader:
         self.header = self._read_header()
 
     def share_read(self) -> float:
-        """Tell which share of the file has been given, at least: what is read and not yet given does not count."""
+        """Return which share of the file has been delivered, at least: what is only read does not count."""
         return self._given_bytes / max(self._size, 1)
 
     def chunks(self, topic: str = fmt.RECEIVED) -> Iterator[AnyChunk]:
-        """Give what the link delivered, in order, each with its time of reception."""
+        """Yield what the link delivered, in order, each with its time of reception."""
         for _, body in self._wanted({topic}):
-            try:
-                yield fmt.decode_raw(bytes(body[_MESSAGE.size :]), topic)
-            except fmt.DamagedMessageError as error:
-                self._note_damaged(topic, error)
+            yield from self._chunk(topic, body)
 
     def stretches(self, topics: Iterable[str] = ()) -> Iterator[RawStretch | AnyChunk | RecordedMessage]:
-        """Give what the link delivered, in order, many chunks at a time; and, not later, the messages on other topics.
+        """Yield what the link delivered, in order, many chunks at a time; and, not later, the messages on other topics.
 
         The chunks of a byte link come end to end; empty ones and those of CAN frames one by one.
         """
@@ -150,23 +147,26 @@ class RecordingReader:
 
     def _alone(self, topic: str, body: memoryview) -> Iterator[AnyChunk | RecordedMessage]:
         if topic == fmt.RECEIVED:
-            try:
-                yield fmt.decode_raw(bytes(body[_MESSAGE.size :]))
-            except fmt.DamagedMessageError as error:
-                self._note_damaged(topic, error)
+            yield from self._chunk(topic, body)
         else:
             yield _recorded(topic, body)
+
+    def _chunk(self, topic: str, body: memoryview) -> Iterator[AnyChunk]:
+        try:
+            yield fmt.decode_raw(bytes(body[_MESSAGE.size :]), topic)
+        except fmt.DamagedMessageError as error:
+            self._note_damaged(topic, error)
 
     def _note_damaged(self, topic: str, error: Exception) -> None:
         self.damage.append(f"a record of {topic} is damaged ({error}) and left out")
 
     def messages(self, topics: Iterable[str] | None = None) -> Iterator[RecordedMessage]:
-        """Give the messages on some topics (all without ``topics``), in the order of the file."""
+        """Yield the messages on some topics (all without ``topics``), in the order of the file."""
         for topic, body in self._wanted(None if topics is None else set(topics)):
             yield _recorded(topic, body)
 
     def _wanted(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview]]:
-        """Give topic and body of the messages on some topics; the others are passed over many at a time."""
+        """Yield topic and body of the messages on some topics; the others are skipped many at a time."""
         for topic, body, run in self._chosen(topics):
             if run is None:
                 yield topic, body
@@ -175,7 +175,7 @@ class RecordingReader:
                     yield self._channels[channel], body[start:end]
 
     def _chosen(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview, MessageRun | None]]:
-        """Give topic and body of single messages; or the block, and where in it lie messages on some topics."""
+        """Yield topic and body of single messages; or the block, and where in it lie messages on some topics."""
         self.damage.clear()
         if self._headless:
             self.damage.append("the recording's own description is damaged: link, date and settings are not known")
@@ -245,12 +245,12 @@ class RecordingReader:
     ) -> Iterator[tuple[int, memoryview, MessageRun | EvenRun | None]]:
         """Walk the records up to the footer, the end, or the first impossible length.
 
-        Gives kind and body of each; or, of messages that follow each other, the block they are in and their places.
-        What is given is overwritten when the next is asked for.
+        Yields kind and body of each; or, of messages that follow each other, the block they are in and their places.
+        What is yielded is overwritten when the next is asked for.
         """
         continuation = io.BytesIO(self._continuation)
         buffer = memoryview(bytearray(block_bytes))
-        kept = 0  # bytes at its begin, of a record begun
+        kept = 0  # bytes at its start, of a record that ends in the next block
         self._size = os.fstat(file.fileno()).st_size + len(self._continuation)
         self._given_bytes = 0
         while True:
@@ -318,7 +318,7 @@ def _recorded(topic: str, body: memoryview) -> RecordedMessage:
 
 
 def parse_header(metadata: Metadata) -> RecordingHeader | None:
-    """Read what a metadata record of ours says; None where it is none, or damaged."""
+    """Return what is in a metadata record of ours; None where it is another, or damaged."""
     values = metadata.metadata
     if metadata.name != fmt.METADATA_NAME or values.get("crc32") not in {None, fmt.metadata_crc(values)}:
         return None

@@ -1,7 +1,7 @@
 """A clean recording from a cut or damaged one: what is whole is found wherever it stands.
 
 A flipped bit in a record's length throws every reader off that walks from record to record. Here each place that looks
-like the beginning of one of our messages is tried, and believed only if its own CRC-32 fits: what was damaged is left
+like the start of one of our messages is tried, and believed only if its own CRC-32 fits: what was damaged is left
 out, what comes after it is found all the same.
 """
 
@@ -49,16 +49,16 @@ class Recovery:
     """Whether link, date and settings are known."""
 
     def sentences(self) -> list[str]:
-        """Say it to a person."""
-        said = [f"{self.chunks} records of received data are whole, {self.missing_chunks} are damaged and left out"]
+        """Return it in words."""
+        found = [f"{self.chunks} records of received data are whole, {self.missing_chunks} are damaged and left out"]
         if self.missing_others:
-            said.append(f"{self.missing_others} records of commands, actions or notes are damaged and left out")
+            found.append(f"{self.missing_others} records of commands, actions or notes are damaged and left out")
         if not self.header_found:
-            said.append("the file's own description is damaged: link and settings are not known")
-        return said
+            found.append("the file's own description is damaged: link and settings are not known")
+        return found
 
     def to_json(self) -> dict[str, Any]:
-        """Turn into plain values."""
+        """Return plain values."""
         return asdict(self)
 
 
@@ -85,13 +85,13 @@ def recover(source: Path, target: Path) -> Recovery:
     head = header or _made_up(first)
     if head is None:
         raise FileError(f"{source} holds no whole record of a recording", "give a file that `rotdrift capture` wrote")
-    # The source's own numbers stay in the notes: a recovered recording says what it is.
+    # The source's own numbers stay in the notes: a recovered recording shows what it is.
     writer = RecordingWriter(target, head.link, head.wall_time_ns, head.monotonic_ns, head.settings)
     copier = _Copier(writer, head)
     try:
         # A capture killed before its first flush leaves a header and nothing else: that is a recording too.
         for message in chain([] if first is None else [first], messages):
-            copier.take(message)
+            copier.copy(message)
         copier.finish()
         found = replace(copier.result(), header_found=header is not None)
         writer.add_note("recovered", f"from {source.name}: {'; '.join(found.sentences())}", copier.last_ns)
@@ -113,7 +113,7 @@ class _Copier:
         self._missing: Counter[str] = Counter()
         self.last_ns = head.monotonic_ns
 
-    def take(self, message: SalvagedMessage) -> None:
+    def copy(self, message: SalvagedMessage) -> None:
         self._count(message)
         chunk = message.chunk
         if chunk is None:
@@ -128,7 +128,7 @@ class _Copier:
         self._writer.flush_if_due(self.last_ns)
 
     def finish(self) -> None:
-        """Take what the decoder still holds."""
+        """Copy what the decoder still holds."""
         add_views(self._writer, self._trial.finish(), self.last_ns)
 
     def _count(self, message: SalvagedMessage) -> None:
@@ -155,7 +155,7 @@ class _Copier:
 
 
 def _made_up(first: SalvagedMessage | None) -> RecordingHeader | None:
-    """Give a header for a file whose own is gone: the date from the first whole record; None where there is none."""
+    """Make a header for a file whose own is gone: the date from the first whole record; None where there is none."""
     if first is None:
         return None
     monotonic_ns = 0 if first.chunk is None else first.chunk.host_time_ns
@@ -178,9 +178,9 @@ class SalvagedMessage:
 
     topic: str
     time_ns: int
-    """Wall clock as its record says; not covered by the CRC."""
+    """Wall clock as in its record; not covered by the CRC."""
     sequence: int
-    """Number of the message on its channel as its record says; not covered by the CRC."""
+    """Number of the message on its channel as in its record; not covered by the CRC."""
     chunk: AnyChunk | None = None
     """Of a raw message."""
     values: dict[str, Any] = field(default_factory=dict)
@@ -253,7 +253,7 @@ def _raw_at(data: bytes, at: int) -> tuple[SalvagedMessage | None, int]:
 
 
 def _other_at(data: bytes, at: int) -> tuple[SalvagedMessage | None, int]:
-    """Read an action or a note: its length stands in its record only, its CRC at its end tells whether it is right."""
+    """Read an action or a note: its length stands in its record only, its CRC at its end proves it."""
     kind, length, sequence, topic, publish_ns = _record_before(data, at)
     end = at + length
     if kind != Opcode.MESSAGE or topic not in _KEPT or not 0 < length <= 65536 or end > len(data):
@@ -269,7 +269,7 @@ def _other_at(data: bytes, at: int) -> tuple[SalvagedMessage | None, int]:
 
 
 def _record_before(data: bytes, at: int) -> tuple[int, int, int, str, int]:
-    """Give kind, length of the message, number, topic and wall time of the record a message stands in."""
+    """Return kind, length of the message, number, topic and wall time of the record a message stands in."""
     if at < _MESSAGE.size:
         return 0, 0, 0, "", 0
     kind, length, channel, sequence, _, publish_ns = _MESSAGE.unpack_from(data, at - _MESSAGE.size)

@@ -65,7 +65,7 @@ class ReplayTransport(ClosingTransport):
         self._anchor: tuple[int, int] | None = None
 
     def read(self, timeout_s: float) -> AnyChunk | None:
-        """Give the next chunk when its time has come."""
+        """Return the next chunk when its time has come."""
         if self._next is None:
             self._next = next(self._chunks, None)
             if self._next is None:
@@ -87,5 +87,5 @@ class ReplayTransport(ClosingTransport):
         """Ignore: nobody listens in a recording."""
 
     def close(self) -> None:
-        """Let the file go."""
+        """Close the file."""
         self._chunks = iter(())

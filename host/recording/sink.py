@@ -12,10 +12,10 @@ from pathlib import Path
 from host.errors import FileError
 
 MAX_KEPT_BYTES = 256 * 2**20
-"""Bytes kept in memory while the disk takes none: five hours at 200 Hz. Beyond it, what is lost is said."""
+"""Bytes kept in memory while nothing can be written: five hours at 200 Hz. Beyond it, what is lost is reported."""
 RETRY_NS = 1_000_000_000
 SYNC_NS = 1_000_000_000
-"""How often the system is told to bring to the disk what it holds: what a power cut may cost."""
+"""How often the system is asked to write what it holds to the disk: what a power cut may cost."""
 SYNC_WAIT_S = 0.2
 """How long closing waits for a disk that is still at it."""
 
@@ -25,8 +25,8 @@ class RecordingSink:
 
     Python's own buffered writer raises on a full disk at a moment of its choosing and leaves open what it has kept.
     Here nothing is lost silently: :meth:`write` never fails, :meth:`flush_pending` writes what it can, keeps the rest,
-    and says why in :attr:`problem`. Records go to the file whole and in order, so that when the disk has room again the
-    recording continues as if nothing had happened.
+    and reports why in :attr:`problem`. Records go to the file whole and in order, so that the recording continues as if
+    nothing had happened when the disk has room again.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class RecordingSink:
 
     @property
     def pending(self) -> bytes:
-        """What the disk has not taken yet."""
+        """What is not on the disk yet."""
         return bytes(self._pending)
 
     def tell(self) -> int:
@@ -75,7 +75,7 @@ class RecordingSink:
         return self._position + len(self._pending)
 
     def write(self, data: bytes | bytearray | memoryview) -> int:
-        """Take one whole record (or several); never fails."""
+        """Write one whole record (or several); never fails."""
         if self.bytes_discarded or (self.problem and len(self._pending) + len(data) > self._max_kept_bytes):
             # From here on everything is discarded: a later record without the earlier ones would look like a loss
             # on the link.
@@ -85,7 +85,7 @@ class RecordingSink:
         return len(data)
 
     def flush(self) -> None:
-        """Hand everything to the system if it takes it."""
+        """Hand everything to the system, if it accepts it."""
         if not self.closed:
             self.flush_pending()
 
@@ -118,7 +118,7 @@ class RecordingSink:
         return True
 
     def sync_if_due(self, now_ns: int) -> None:
-        """Bring to the disk what was handed to the system, once a second and beside the capture: a disk may take long.
+        """Have what was handed to the system written to the disk, once a second and beside the capture: it may be slow.
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class RecordingSink:
         return self.removed() and not self.path.exists() and self._copy(self.path, b"")
 
     def rescue(self, folders: Iterable[Path]) -> Path | None:
-        """Write the whole recording, with what is in memory, to the first of other folders that takes it.
+        """Write the whole recording, with what is in memory, to the first of other folders where that works.
 
         Returns
         -------
@@ -188,7 +188,7 @@ class RecordingSink:
         return True
 
     def close(self) -> None:
-        """Flush and close; what the disk does not take stays in :attr:`pending`."""
+        """Flush and close; what cannot be written stays in :attr:`pending`."""
         if self.closed:
             return
         self.flush_pending()

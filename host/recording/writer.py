@@ -1,7 +1,7 @@
 """Writing a recording: raw first, unchunked, flushed, never over an existing file.
 
 Unchunked and flushed every :data:`FLUSH_PERIOD_NS`, a killed capture loses at most what came since the last flush, and
-a machine without power at most what came since the last sync, a second and what the disk takes for it; the
+a machine without power at most what came since the last sync, a second and how long the disk needs for it; the
 library's default chunks would lose everything since the last megabyte, and its seeking reader does not open a cut file.
 """
 
@@ -45,7 +45,7 @@ class RecordingWriter:
     settings : dict
         How the capture was started; stored as JSON.
     max_kept_bytes : int
-        How much is kept in memory while the disk takes nothing.
+        How much is kept in memory while nothing can be written.
 
     Raises
     ------
@@ -110,7 +110,7 @@ class RecordingWriter:
 
     @property
     def problem(self) -> str | None:
-        """Why the disk takes nothing at the moment, and what is done about it; None when all is well."""
+        """Why nothing can be written at the moment, and what is done about it; None when all is well."""
         if self._sink.bytes_discarded:
             return (
                 f"{self._sink.problem}; the memory for it is full as well and "
@@ -123,7 +123,7 @@ class RecordingWriter:
 
     @property
     def unwritten(self) -> bytes:
-        """Records the disk has not taken; they continue the file."""
+        """Records that are not on the disk; they continue the file."""
         return self._sink.pending
 
     def wall_ns(self, host_time_ns: int) -> int:
@@ -180,7 +180,7 @@ class RecordingWriter:
         Parameters
         ----------
         report : callable
-            Told in one sentence what could not be saved.
+            Called with a sentence on what could not be saved.
         """
         if self._sink.closed:
             return

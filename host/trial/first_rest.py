@@ -1,4 +1,4 @@
-"""The rest before the motion: what it says of the sensor's own drift, live as in the score at the end."""
+"""The rest before the motion: what it shows of the sensor's own drift, live as in the score at the end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class FirstRest:
         self._poses: deque[tuple[float, npt.NDArray[np.float64]]] = deque(maxlen=MAX_POSES)
 
     def feed(self, time_s: float, quat_wxyz: npt.NDArray[np.float64]) -> None:
-        """Take a pose; one that is earlier than, or too close to, the one before is passed over."""
+        """Keep a pose; one that is earlier than, or too close to, the one before is passed over."""
         if not self._poses or time_s - self._poses[-1][0] >= POSE_S:
             self._poses.append((time_s, quat_wxyz))
 

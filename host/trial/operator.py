@@ -37,7 +37,7 @@ class OperatorAction:
     """End point at its end, s."""
 
     def values(self) -> dict[str, Any]:
-        """Give the values of its message in a recording."""
+        """Return the values of its message in a recording."""
         return {
             "kind": self.kind,
             "time_s": self.time_s,
@@ -48,7 +48,7 @@ class OperatorAction:
 
 
 def action_of(values: dict[str, Any]) -> OperatorAction:
-    """Make an action of the values of its message."""
+    """Return the action in the values of a message."""
     return OperatorAction(
         kind=plain(values["kind"], 40),
         time_s=float(values["time_s"]),

@@ -23,7 +23,7 @@ MISSED_PERIODS = 1.6
 
 
 class RunningScore:
-    """End points and what they give so far.
+    """End points and what they come to so far.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class RunningScore:
         return None if needed is None else max(0, needed - self.interval.n_steps)
 
     def enter(self, endpoint: Endpoint, over_gap: bool = False) -> CycleRow:
-        """Take an end point and give its row.
+        """Enter an end point; return its row.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class RunningScore:
         return row
 
     def forget(self) -> None:
-        """Begin again: what looked like cycles was a part of one, or movement before the first."""
+        """Start again: what looked like cycles was a part of one, or movement before the first."""
         for kept in (self._rows, self._quats, self._times_s, self._dwells_s, self._left_out):
             kept.clear()
         self._score(always=True)
@@ -110,7 +110,7 @@ class RunningScore:
         self._edited()
 
     def leave_out(self, number: int, reason: str) -> tuple[float, float] | None:
-        """Leave out the cycle of a number; returns the times of its end points, None where there is no such cycle."""
+        """Leave out the cycle of a number; return the times of its end points, None where there is no such cycle."""
         if not 0 < number < len(self._times_s):
             return None
         self._left_out[number] = reason or "no reason given"
@@ -118,7 +118,7 @@ class RunningScore:
         return self._times_s[number - 1], self._times_s[number]
 
     def take_back(self, number: int) -> tuple[float, float] | None:
-        """Count a cycle again; returns the times of its end points, None where it was not left out."""
+        """Count a cycle again; return the times of its end points, None where it was not left out."""
         if number not in self._left_out:
             return None
         del self._left_out[number]
@@ -126,7 +126,7 @@ class RunningScore:
         return self._times_s[number - 1], self._times_s[number]
 
     def number_at(self, from_s: float, to_s: float) -> int | None:
-        """Find the cycle in which the middle of a stretch lies."""
+        """Find the cycle in which the middle of a span of time lies."""
         middle_s = 0.5 * (from_s + to_s)
         number = int(np.searchsorted(self._times_s, middle_s, side="right"))
         return number if 0 < number < len(self._times_s) else None
