@@ -154,7 +154,7 @@ def _frame_arrivals(parts: list[AnyChunk], n: int) -> IntArray | None:
     return arrived if len(arrived) == n else None
 
 
-def _frames(parts: list[AnyChunk]) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.void]] | None:
+def _frames(parts: list[AnyChunk]) -> tuple[IntArray, npt.NDArray[np.void]] | None:
     """Return the function of each CAN frame, and the frames; None where the data are damaged."""
     from firmware_protocol.can.frames import frame_array
     from firmware_protocol.can.mapping import FD_BIT, NODE_BITS
@@ -163,7 +163,8 @@ def _frames(parts: list[AnyChunk]) -> tuple[npt.NDArray[np.uint32], npt.NDArray[
         records = frame_array(b"".join(part.data for part in parts))
     except MalformedPacketError:
         return None
-    return (records["arbitration_id"] & ~np.uint32(FD_BIT)) >> NODE_BITS, records
+    functions: IntArray = (records["arbitration_id"] & ~np.uint32(FD_BIT)).astype(np.int64) >> NODE_BITS
+    return functions, records
 
 
 def clock_values(clock: RemappedClock | None, n_unplaced: int) -> dict[str, Any] | None:

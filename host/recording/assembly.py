@@ -6,8 +6,11 @@ samples, segments and losses that the capture had.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -219,26 +222,20 @@ def _arrivals(stretch: RawStretch, ends: IntArray) -> tuple[IntArray, IntArray]:
 
 def _joined(delivered: Iterable[RawStretch | AnyChunk]) -> Iterator[RawStretch | list[AnyChunk]]:
     """Put single chunks together: those of bytes end to end, those of CAN frames as :func:`grouped` does."""
-    single: list[AnyChunk] = []
-    size = 0
-    for item in delivered:
-        ends = isinstance(item, RawStretch) or not item.data or (single and type(item) is not type(single[0]))
-        if single and (ends or size > STRETCH_BYTES):
-            yield from _together(single)
-            single, size = [], 0
-        if isinstance(item, RawStretch):
-            yield item
-        elif not item.data:
-            yield [item]
+    for kind, items in groupby(
+        delivered, lambda item: type(item) if isinstance(item, RawStretch) or item.data else None
+    ):
+        if kind is RawStretch:
+            yield from cast(Iterator[RawStretch], items)
+            continue
+        chunks = cast(Iterator[AnyChunk], items)
+        if kind is None:  # empty: the link was opened again
+            yield from ([chunk] for chunk in chunks)
+        elif kind is FrameChunk:
+            yield from grouped(chunks)
         else:
-            single.append(item)
-            size += len(item.data)
-    if single:
-        yield from _together(single)
+            yield from map(RawStretch.of, grouped(chunks, STRETCH_BYTES, sys.maxsize))
 
 
-def _together(chunks: list[AnyChunk]) -> Iterator[RawStretch | list[AnyChunk]]:
-    if isinstance(chunks[0], FrameChunk):
-        yield from grouped(chunks)
-    else:
-        yield RawStretch.of(chunks)
+def _kind(item: RawStretch | AnyChunk) -> type | None:
+    return type(item) if isinstance(item, RawStretch) or item.data else None

@@ -36,7 +36,7 @@ from firmware_protocol.packets import (
 from firmware_protocol.serial.decoder import encode_command
 from host.errors import HostError, NoAnswerError, WrongObjectError
 from host.stream.blocks import RESET
-from host.stream.commands import Commands
+from host.stream.command_queue import CommandQueue
 from host.stream.handshake import Found, Handshake
 from host.stream.round_trips import ClockRequests, RoundTrip
 from host.text import plain
@@ -111,7 +111,7 @@ class Session:
         self._link_name = link_name
         self._encode = encode
         self._handshake = Handshake(link_name, now_ns, settings.handshake_s, settings.answer_s, settings.mute_s)
-        self._commands = Commands()
+        self._commands = CommandQueue()
         self._clock_requests = ClockRequests(settings.time_request_s, now_ns)
         self._last_sample_ns: int | None = None
         self._started_ns = 0

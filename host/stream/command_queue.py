@@ -21,7 +21,7 @@ class _InFlight:
     tries: int
 
 
-class Commands:
+class CommandQueue:
     """What is to be sent, and what waits for its acknowledgement."""
 
     def __init__(self) -> None:
