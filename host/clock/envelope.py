@@ -58,7 +58,7 @@ def lower_hull(points: Sequence[Point]) -> list[Point]:
 
     Parameters
     ----------
-    points
+    points : sequence of Point
         In order of device time; where two have the same time, the lower one counts.
     """
     hull: list[Point] = []
@@ -83,7 +83,7 @@ def hull_line(points: Sequence[Point], at_us: int) -> DelayLine:
 
     Parameters
     ----------
-    points
+    points : sequence of Point
         At least one, in order of device time. Of a single one the line is level.
 
     Raises

@@ -28,7 +28,7 @@ class ClockEstimator:
 
     Parameters
     ----------
-    settings
+    settings : EstimatorSettings, optional
         Windows and bounds.
     """
 
@@ -96,7 +96,7 @@ class ClockEstimator:
         ----------
         device_us : (n,) int64
             Their device time, unwrapped, us; n >= 1.
-        host_time_ns
+        host_time_ns : int
             Arrival of the chunk, ns, monotonic.
 
         Returns
@@ -115,11 +115,11 @@ class ClockEstimator:
 
         Parameters
         ----------
-        device_us
+        device_us : int
             Its device time, unwrapped, us.
-        host_time_ns
+        host_time_ns : int
             Arrival of the chunk, ns, monotonic.
-        span_us
+        span_us : int
             Device time from the oldest to the newest sample of the chunk, us; shows bursty links.
 
         Returns
@@ -168,10 +168,12 @@ class ClockEstimator:
 
         Parameters
         ----------
-        host_send_ns, host_receive_ns
-            Host time of request and reply, ns, monotonic.
-        receive_us, transmit_us
+        host_send_ns : int
+            Host time of the request, ns, monotonic.
+        receive_us, transmit_us : int
             The device's two readings, unwrapped into this segment, us.
+        host_receive_ns : int
+            Host time of the reply, ns, monotonic.
 
         Returns
         -------

@@ -76,14 +76,14 @@ def unwrapped_round_trips(
 
     Parameters
     ----------
-    trips
+    trips : RoundTrips
         As recorded.
     unwrapped_us, arrival_ns, segment : (n,) int64
         Device time, arrival and clock segment of the samples, in order of arrival.
 
     Returns
     -------
-    trips
+    trips : RoundTrips
         Those that fit.
     segment : (k,) int64
         The clock segment of each.
@@ -124,9 +124,9 @@ def offset_interval(
         Of this segment, unwrapped.
     trips_mapped_ns : (k,) int64, (k,) int64
         What the two device readings of each are mapped to, ns.
-    window_s
+    window_s : float
         Width of the windows.
-    tolerance
+    tolerance : float
         How fast mapped and true time may part, ns per us: a bound counts for less with its distance.
     """
     half_us = 0.5e6 * window_s

@@ -110,9 +110,9 @@ def remap(
     jumps : collection of int
         Samples at which one starts because the device clock jumped: the steps of the result, with the small ones that
         only the envelope shows.
-    settings
+    settings : EstimatorSettings, optional
         Bounds and windows.
-    round_trips
+    round_trips : RoundTrips
         Answers to TIME_REQUEST: they bound the offset, and do not change the mapping.
 
     Raises

@@ -30,7 +30,7 @@ class Seconds:
         self._number = 0  # of the second under way
 
     def is_new(self, host_time_ns: int) -> bool:
-        """Whether a chunk belongs to another second than the one under way."""
+        """Return whether a chunk belongs to another second than the one under way."""
         return host_time_ns // SECOND_NS != self._number
 
     def enter(self, point: Point, residual_ns: float, host_time_ns: int) -> None:

@@ -90,7 +90,7 @@ class ClockUnwrapper:
         ----------
         device_time_us : (n,) uint32
             Device clock of the samples in order of reception; n may be 0.
-        host_time_ns
+        host_time_ns : int
             Reception of the chunk, ``time.monotonic_ns()``.
 
         Returns
@@ -144,7 +144,7 @@ class ClockUnwrapper:
 
         Parameters
         ----------
-        device_time_us, host_time_ns
+        device_time_us, host_time_ns : int
             As for :meth:`locate`.
 
         Returns
@@ -215,9 +215,9 @@ class ClockUnwrapper:
 
         Parameters
         ----------
-        device_time_us
+        device_time_us : int
             Device clock, us; of a u64 uptime the low 32 bits are used.
-        host_time_ns
+        host_time_ns : int
             Its reception, ns, monotonic.
 
         Returns
@@ -234,11 +234,11 @@ class ClockUnwrapper:
         return unwrapped_us if unwrapped_us >= prediction_us - late_us else None
 
     def is_plain(self, device_time_us: int, host_time_ns: int) -> bool:
-        """Whether :meth:`locate` places a reading now, and still does after any :meth:`unwrap_many`.
+        """Return whether :meth:`locate` places a reading now, and still does after any :meth:`unwrap_many`.
 
         Parameters
         ----------
-        device_time_us, host_time_ns
+        device_time_us, host_time_ns : int
             As for :meth:`locate`.
         """
         away_us, _ = self.jump(device_time_us, host_time_ns)

@@ -208,7 +208,7 @@ class LossLedger:
         return keep
 
     def _counts_on(self, numbers: IntArray) -> bool:
-        """Whether every sample follows the one before, and no damaged frame waits for the run that it explains."""
+        """Return whether every sample follows the one before, and no damaged frame waits for the run it explains."""
         account, n = self._account, len(numbers)
         if account.first is None or account.damaged + account.spare or int(numbers[-1]) - account.last != n:
             return False

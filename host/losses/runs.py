@@ -182,9 +182,9 @@ def missing_between(runs: Sequence[MissingRun], bounds: Sequence[int]) -> Iterat
 
     Parameters
     ----------
-    runs
+    runs : sequence of MissingRun
         In order.
-    bounds
+    bounds : sequence of int
         n + 1 sample numbers, ascending: from each on up to the next. A run across a bound is thought of as its dropped
         samples first, then the rejected, then the lost.
 

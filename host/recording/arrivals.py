@@ -224,7 +224,7 @@ class RecordedRoundTrips:
             self._found.append((sent_ns, reply.receive_uptime_us, reply.transmit_uptime_us, received_ns))
 
     def sent_ns(self, reply: TimeReply, received_ns: int) -> int | None:
-        """When the request was sent that a reply answers; None where there is none."""
+        """Return when the request was sent that a reply answers; None where there is none."""
         return max((at_ns for at_ns in self._sent_ns[reply.command_id] if at_ns <= received_ns), default=None)
 
     def feed_frames(self, parts: list[AnyChunk], items: Iterable[StreamItem]) -> None:

@@ -78,7 +78,7 @@ class RecordedMessage:
 
 
 def is_our_recording(path: Path) -> bool:
-    """Whether a file is a recording of ours: MCAP, with our name or our raw channel near its beginning.
+    """Return whether a file is a recording of ours: MCAP, with our name or our raw channel near its beginning.
 
     Any other file, also one that cannot be read, is not.
     """

@@ -71,7 +71,7 @@ class RecordingSink:
         return bytes(self._pending)
 
     def tell(self) -> int:
-        """Where the next byte will stand."""
+        """Return where the next byte will stand."""
         return self._position + len(self._pending)
 
     def write(self, data: bytes | bytearray | memoryview) -> int:
@@ -143,7 +143,7 @@ class RecordingSink:
             os.close(descriptor)
 
     def removed(self) -> bool:
-        """Whether the file was deleted or replaced under us; what is written then is in nobody's folder."""
+        """Return whether the file was deleted or replaced under us; what is written then is in nobody's folder."""
         try:
             there = self.path.stat()
         except OSError:

@@ -41,7 +41,7 @@ class ClockRequests:
         self._found: list[RoundTrip] = []
 
     def due(self, now_ns: int) -> bool:
-        """Whether it is time for another request; the one before is given up then."""
+        """Return whether it is time for another request; the one before is given up then."""
         if now_ns - self._asked_ns < self._period_ns:
             return False
         self._asked_ns, self._sent = now_ns, None

@@ -245,7 +245,7 @@ class SampleAssembler:
         return []
 
     def _is_anothers(self, status: Status, host_time_ns: int) -> bool:
-        """Whether a STATUS is of a clock that cannot be the one of the samples."""
+        """Return whether a STATUS is of a clock that cannot be the one of the samples."""
         if not self._axis.is_open or self._clock.newest_us is None:
             return False
         return self._clock.locate(status.uptime_us, host_time_ns) is None

@@ -60,7 +60,7 @@ class RawStretch:
         return cls(b"".join(chunk.data for chunk in chunks), np.cumsum(sizes), times_ns)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Give the chunks one by one again."""
+        """Return the chunks one by one again."""
         start = 0
         for stop, host_time_ns in zip(self.stops.tolist(), self.host_time_ns.tolist(), strict=True):
             yield Chunk(self.data[start:stop], host_time_ns)
@@ -104,7 +104,7 @@ def raw_stretches(
 
 
 def _good(view: memoryview, starts: IntArray, ends: IntArray) -> tuple[BoolArray, npt.NDArray[np.void]]:
-    """Tell which messages are undamaged chunks of bytes; and give the head of each, of any bytes for one too short."""
+    """Return which messages are undamaged chunks of bytes; and the head of each, of any bytes for one too short."""
     places = np.minimum(starts + _BODY, len(view) - fmt.RAW_HEAD_BYTES)
     heads = overlapping(view, fmt.RAW_HEAD_BYTES)[places].view(_HEAD)
     sizes = ends - starts - _DATA

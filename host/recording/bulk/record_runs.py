@@ -68,18 +68,18 @@ class MessageRun:
         return int(self.ends[-1])
 
     def on(self, ids: Collection[int]) -> MessageRun:
-        """Give those on a few channels."""
+        """Return those on a few channels."""
         return self.where(on_channels(self.channels, ids))
 
     def where(self, which: npt.NDArray[np.bool_]) -> MessageRun:
-        """Give some of them."""
+        """Return some of them."""
         places = np.flatnonzero(which)
         if len(places) == len(which):
             return self
         return MessageRun(self.starts.take(places), self.ends.take(places), self.channels.take(places))
 
     def places(self) -> Iterator[tuple[int, int, int]]:
-        """Give channel, start and end of them, one by one."""
+        """Return channel, start and end of them, one by one."""
         return zip(self.channels.tolist(), self.starts.tolist(), self.ends.tolist(), strict=True)
 
 
@@ -99,11 +99,11 @@ class EvenRun:
         return int(self.beat.starts[0]) + self.n_beats * self.period
 
     def on(self, ids: Collection[int]) -> MessageRun:
-        """Give those on a few channels."""
+        """Return those on a few channels."""
         return EvenRun(self.beat.on(ids), self.n_beats, self.period).whole()
 
     def whole(self) -> MessageRun:
-        """Give all of them."""
+        """Return all of them."""
         beats = np.arange(self.n_beats)[:, None] * self.period
         return MessageRun(
             (beats + self.beat.starts).ravel(),
@@ -113,7 +113,7 @@ class EvenRun:
 
 
 def on_channels(channels: IntArray, ids: Iterable[int]) -> npt.NDArray[np.bool_]:
-    """Tell which of (n,) channels are among a few."""
+    """Return which of (n,) channels are among a few."""
     found = np.zeros(len(channels), np.bool_)
     for channel in ids:
         found |= channels == channel
