@@ -16,7 +16,7 @@ from rich._export_format import CONSOLE_SVG_FORMAT
 from rich.console import Console
 from rich.terminal_theme import MONOKAI
 
-from host.capture.loop import CaptureSettings
+from host.capture.settings import CaptureSettings
 from host.capture.run import DEFAULT_FOLDER, run_capture
 from host.screen.dashboard.picture import render
 from host.screen.screens import QuietScreen
@@ -51,7 +51,7 @@ class KeepingScreen(QuietScreen):
 
     def update(self, state: TrialState, index: int = 0) -> None:  # noqa: ARG002 - one object only
         """Keep the state, as long as it is live."""
-        if not state.finished:
+        if not state.score.finished:
             self.state = state
 
 

@@ -16,20 +16,23 @@ MAX_MARKS = 20
 
 
 class OperatorDesk:
-    """Takes the operator's actions of one capture.
+    """Carries out the operator's actions in one capture.
 
     Parameters
     ----------
     trial : Trial
         Whose running score is edited.
     record : callable
-        Given every action, to be written to the recording.
+        Called with every action, to write it to the recording.
     mark : callable
-        Given the number of a marker, to be sent to the object.
+        Called with the number of a marker, to send it to the object.
     """
 
     def __init__(
-        self, trial: Trial, record: Callable[[OperatorAction], None], mark: Callable[[int], None] | None = None
+        self,
+        trial: Trial,
+        record: Callable[[OperatorAction], None] = lambda _: None,
+        mark: Callable[[int], None] = lambda _: None,
     ) -> None:
         self._trial = trial
         self._record = record
@@ -44,14 +47,13 @@ class OperatorDesk:
         """The last markers and notes."""
         return tuple(self._marks)
 
-    def take(self, action: ScreenAction) -> None:
-        """Take what was pressed; an action that makes no sense now does nothing."""
+    def process(self, action: ScreenAction) -> None:
+        """Do what was asked for; an action that makes no sense now does nothing."""
         score, now_s = self._trial.score, self._trial.newest_s
         if action.kind == "marker":
             self._n_markers += 1
             self._add_mark(did.MARKER, f"marker {self._n_markers}")
-            if self._mark is not None:
-                self._mark(self._n_markers)
+            self._mark(self._n_markers)
         elif action.kind == "note":
             self._add_mark(did.NOTE, action.text)
         elif action.kind == "window":
@@ -70,7 +72,7 @@ class OperatorDesk:
             self._record(OperatorAction(action.kind, now_s, action.text))
 
     def repeat(self, action: OperatorAction) -> None:
-        """Do again what a recording says was done: for the replay."""
+        """Do again what a recorded capture's operator did: for the replay."""
         score = self._trial.score
         if action.kind == did.WINDOW_START:
             score.set_window(WindowView(action.time_s, None))

@@ -39,11 +39,11 @@ def run(args: argparse.Namespace) -> int:
 
     from emulator import ScenarioError
     from emulator.scenario import load_scenario
-    from host.capture.loop import CaptureSettings
+    from host.capture.settings import CaptureSettings
     from host.capture.run import default_recording, run_capture
     from host.errors import UsageError
     from host.results.printout import print_score
-    from host.screen.screens import open_screen
+    from host.screen.choice import open_screen
     from host.stop_signals import StopSignals
     from host.virtual_object_process import VirtualObjectProcess
 

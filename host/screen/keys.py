@@ -91,9 +91,9 @@ class KeyReader:
         focus = min(self.view.focus, len(states) - 1)
         self.view = replace(self.view, message="", focus=focus)
         state = states[focus]
-        if all(other.finished for other in states):
+        if all(other.score.finished for other in states):
             return [self._action("close")]
-        if state.replayed and key in EDITING:
+        if state.recording.replayed and key in EDITING:
             self.view = replace(self.view, message="a recording is only shown")
         elif key == "x":
             return self._exclude(state)
@@ -128,7 +128,7 @@ class KeyReader:
         return []
 
     def _exclude(self, state: TrialState) -> list[ScreenAction]:
-        row = state.cycles[-1] if state.cycles else None
+        row = state.score.cycles[-1] if state.score.cycles else None
         if row is None or row.number == 0:
             self.view = replace(self.view, message="no cycle yet")
             return []

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from host.stream.session import RoundTrip
 from host.text import plain
 from host.trial.first_rest import FirstRest
 from host.trial.running_score import RunningScore
-from host.trial.state import CycleRow, LinkView, MotionView, SensorView, TrialState
+from host.trial.state import ClockView, CycleRow, MotionView, SensorView, StreamView
 
 TURN_S = 0.5
 """Stretch over which the turning rate is taken."""
@@ -66,10 +66,6 @@ class Trial:
 
     Parameters
     ----------
-    title : str
-        For the screen.
-    target_cycles, target_s : optional
-        When the capture will end.
     node : int, optional
         Node id of the object on a bus; by default the first that is heard.
     target_half_width_deg : float, optional
@@ -80,9 +76,6 @@ class Trial:
 
     def __init__(
         self,
-        title: str = "rotdrift",
-        target_cycles: int | None = None,
-        target_s: float | None = None,
         node: int | None = None,
         target_half_width_deg: float | None = None,
         baseline: StaticBaseline | None = None,
@@ -92,9 +85,6 @@ class Trial:
         self._clock = DeviceClock()
         self._detector = OnlineCycleDetector()
         self._rate = RateMeter()
-        self._base = TrialState(
-            title=title, target_cycles=target_cycles, target_s=target_s, target_half_width_deg=target_half_width_deg
-        )
         self.score = RunningScore(target_half_width_deg)
         """End points so far, and the operator's edits."""
         self._baseline = baseline
@@ -115,6 +105,11 @@ class Trial:
     def n_endpoints(self) -> int:
         """End points that count so far."""
         return self.score.n_endpoints
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What a person should know of who sends, a sentence each."""
+        return (*self.link.problems, *self.assembler.problems)
 
     @property
     def paused(self) -> bool:
@@ -164,45 +159,18 @@ class Trial:
         for trip in trips:
             self._clock.feed_round_trip(trip.sent_ns, trip.receive_us, trip.transmit_us, trip.received_ns)
 
-    def state(self, now_ns: int, elapsed_s: float, link: LinkView, warnings: tuple[str, ...] = ()) -> TrialState:
-        """Give a picture of this moment.
-
-        Parameters
-        ----------
-        now_ns : int
-            Monotonic time (of a replay: the recording's).
-        elapsed_s : float
-            Of the capture.
-        link : LinkView
-            What the capture knows of its link; the rest is filled in here.
-        warnings : tuple of str
-            What a person should know.
-        """
-        online, interval = self._detector.state, self.score.interval
-        return replace(
-            self._base,
-            elapsed_s=elapsed_s,
-            n_endpoints=self.n_endpoints,
-            cycles=self.score.rows,
-            theta_bar_deg=self.score.theta_bar_deg,
-            interval_deg=None if interval is None else (interval.low_deg, interval.high_deg),
-            half_width_deg=None if interval is None else interval.half_width_deg,
-            more_cycles=self.score.more_cycles,
-            origin_wxyz=self.score.origin_wxyz,
-            window=self.score.window,
-            motion=MotionView(
-                phase=self._motion_phase(),
-                moving=online.moving,
-                period_s=self.period_s,
-                swing_deg=online.swing_deg or None,
-                cycle_phase=online.phase if online.endpoints else None,
-                flags=online.flags,
-                turn_rate_dps=self._turn_rate_dps(),
-                peak_rate_dps=self._peak[1] if self._recent else None,
-            ),
-            sensor=self._sensor_view(),
-            link=self._link_view(link, now_ns),
-            warnings=warnings,
+    def motion_view(self) -> MotionView:
+        """Return the motion as the online detector sees it now."""
+        online = self._detector.state
+        return MotionView(
+            phase=self._motion_phase(),
+            moving=online.moving,
+            period_s=self.period_s,
+            swing_deg=online.swing_deg or None,
+            cycle_phase=online.phase if online.endpoints else None,
+            flags=online.flags,
+            turn_rate_dps=self._turn_rate_dps(),
+            peak_rate_dps=self._peak[1] if self._recent else None,
         )
 
     @property
@@ -295,7 +263,8 @@ class Trial:
             return "no data"
         return "running" if self.n_endpoints > 1 else "waiting for cycles"
 
-    def _sensor_view(self) -> SensorView:
+    def sensor_view(self) -> SensorView:
+        """Return what is known of the object and its sensor now."""
         info, status, block = self.assembler.info, self.assembler.status, self._last_block
         flags = OrientationFlag(int(block.flags[-1])) if block is not None else None
         w, x, y, z = (None,) * 4 if block is None else map(float, block.quats_wxyz[-1])
@@ -312,26 +281,32 @@ class Trial:
             orientation_wxyz=None if w is None or x is None or y is None or z is None else (w, x, y, z),
         )
 
-    def _link_view(self, link: LinkView, now_ns: int) -> LinkView:
+    def stream_view(self, now_ns: int) -> StreamView:
+        """Return what came over the link until ``now_ns``, monotonic (of a replay: the recording's)."""
         counters = self.link.counters
-        estimate = self._clock.estimate()
         segments = self.assembler.segments
-        return replace(
-            link,
+        return StreamView(
             rate_hz=self._rate.rate_hz(now_ns),
             silent_s=0.0 if self._sampled_ns is None else max(0.0, (now_ns - self._sampled_ns) / 1e9),
             n_bytes=self.link.n_bytes,
             losses=self.assembler.losses(),
-            crc_errors=counters.crc_errors,
-            malformed=counters.malformed,
             segments=len(segments),
             segment_reason=segments[-1].reason if len(segments) > 1 else "",
             reconnects=self.reconnects,
-            skew_ppm=estimate.skew_ppm if estimate is not None and estimate.warm else None,
-            jitter_p99_ms=None if estimate is None else _number(estimate.jitter_p99_ns / 1e6),
-            jitter_p50_ms=None if estimate is None else _number(estimate.jitter_p50_ns / 1e6),
-            offset_interval_ns=None if estimate is None else _interval(estimate),
-            clock_warm_up_s=None if estimate is None else estimate.warm_up_s,
+            counters={each.name: n for each in fields(counters) if isinstance(n := getattr(counters, each.name), int)},
+        )
+
+    def clock_view(self) -> ClockView:
+        """Return how the object's clock runs against the host's, as far as known now."""
+        estimate = self._clock.estimate()
+        if estimate is None:
+            return ClockView()
+        return ClockView(
+            skew_ppm=estimate.skew_ppm if estimate.warm else None,
+            jitter_p50_ms=_number(estimate.jitter_p50_ns / 1e6),
+            jitter_p99_ms=_number(estimate.jitter_p99_ns / 1e6),
+            offset_interval_ns=_interval(estimate),
+            warm_up_s=estimate.warm_up_s,
         )
 
 

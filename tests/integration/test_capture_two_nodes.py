@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from host.capture.loop import CaptureSettings
+from host.capture.settings import CaptureSettings
 from host.capture.several import capture_several
 from host.recording.load import load_trial
 from host.screen.dashboard.picture import View, picture

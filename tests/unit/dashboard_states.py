@@ -11,7 +11,7 @@ from rich.console import Console
 
 from analysis.geometry import rotations
 from host.losses.ledger import LossReport
-from host.screen.dashboard.picture import Look, View, render
+from host.screen.dashboard.picture import Theme, View, render
 from host.trial.state import (
     MISSED,
     OUTSIDE,
@@ -167,12 +167,12 @@ SNAPSHOTS = {
     "nothing-80x24": ((NOTHING,), View(), 80, 24, False),
     "running-80x24": ((RUNNING,), View(), 80, 24, False),
     "running-80x24-colour": ((RUNNING,), View(), 80, 24, True),
-    "running-80x24-light": ((RUNNING,), View(look=Look(light=True)), 80, 24, True),
+    "running-80x24-light": ((RUNNING,), View(theme=Theme(light=True)), 80, 24, True),
     "running-100x30": ((RUNNING,), View(), 100, 30, False),
     "running-120x36": ((RUNNING,), View(), 120, 36, False),
     "running-200x60": ((RUNNING,), View(), 200, 60, False),
-    "running-80x24-ascii": ((RUNNING,), View(look=Look(ascii_only=True)), 80, 24, False),
-    "running-120x36-ascii": ((RUNNING,), View(look=Look(ascii_only=True)), 120, 36, False),
+    "running-80x24-ascii": ((RUNNING,), View(theme=Theme(ascii_only=True)), 80, 24, False),
+    "running-120x36-ascii": ((RUNNING,), View(theme=Theme(ascii_only=True)), 120, 36, False),
     "alarm-80x24": ((ALARM,), View(), 80, 24, False),
     "alarm-200x60": ((ALARM,), View(), 200, 60, False),
     "alarms-many-80x24": ((CROWDED,), View(), 80, 24, False),

@@ -9,9 +9,10 @@ from rich.console import Console
 
 from host.losses.ledger import LossReport
 from host.screen.dashboard.canvas import big_text
-from host.screen.dashboard.picture import Look, View, picture, render
+from host.screen.dashboard.picture import Theme, View, picture, render
 from host.screen.dashboard.score_panel import verdicts
-from host.screen.screens import LineScreen, QuietScreen, _shows_ascii_only, open_screen
+from host.screen.choice import _shows_ascii_only, open_screen
+from host.screen.screens import LineScreen, QuietScreen
 from host.trial.state import Alarm, CycleRow, GuideView, LinkView, MotionView, RecordingView, SensorView, TrialState
 
 
@@ -140,7 +141,7 @@ def test_where_there_is_no_room_for_all_verdicts_trust_is_left_out():
 
 @pytest.mark.parametrize("ascii_only", [False, True])
 def test_a_long_note_shows_where_it_is_typed(ascii_only):
-    view = View(Look(ascii_only), prompt="note", typed="the finger " * 12 + "日本 slipped")
+    view = View(Theme(ascii_only), prompt="note", typed="the finger " * 12 + "日本 slipped")
     line = picture((RUNNING,), view, 80, 24)[-1].plain.rstrip()
     assert line.endswith("slipped_  (Enter, Esc)")
     assert cell_len(line) <= 80
@@ -172,7 +173,7 @@ def test_lines_say_each_cycle_once():
     for row in rows(3):
         screen.cycle(row)
     screen.update(RUNNING)
-    screen.say("the \x1b[2Jend")
+    screen.report("the \x1b[2Jend")
     screen.stop()
     lines = stream.getvalue().splitlines()
     assert len(lines) == 4
@@ -199,8 +200,8 @@ def test_a_reader_of_lines_that_went_away_does_not_end_the_capture():
     stream = io.StringIO()
     screen = LineScreen(stream)
     stream.close()
-    screen.say("nobody hears this")
-    screen.say("nor this")
+    screen.report("nobody hears this")
+    screen.report("nor this")
 
 
 @pytest.mark.parametrize(
@@ -222,8 +223,8 @@ def test_the_c_locale_and_the_bare_console_have_ascii_only(environment, ascii_on
 
 def test_without_a_terminal_there_are_lines_and_with_json_they_go_to_stderr(capsys):
     stream = io.StringIO()
-    open_screen(False, stream).say("here")
+    open_screen(False, stream).report("here")
     assert stream.getvalue() == "here\n"
-    open_screen(True, stream).say("there")
+    open_screen(True, stream).report("there")
     assert capsys.readouterr().err == "there\n"
-    QuietScreen().say("nowhere")
+    QuietScreen().report("nowhere")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.style import Style
 from rich.text import Text
 
-from host.screen.dashboard.theme import Look
+from host.screen.dashboard.theme import Theme
 
 _BRAILLE = 0x2800
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
@@ -18,14 +18,14 @@ class Canvas:
     ----------
     width, height : int
         In cells.
-    look : Look
+    theme : Theme
         Decides between braille and ASCII.
     """
 
-    def __init__(self, width: int, height: int, look: Look) -> None:
+    def __init__(self, width: int, height: int, theme: Theme) -> None:
         self.cells_wide, self.cells_high = max(0, width), max(0, height)
-        self._look = look
-        self._per_x, self._per_y = (1, 1) if look.ascii_only else (2, 4)
+        self._theme = theme
+        self._per_x, self._per_y = (1, 1) if theme.ascii_only else (2, 4)
         self._bits: dict[tuple[int, int], int] = {}
         self._letters: dict[tuple[int, int], str] = {}
         self._styles: dict[tuple[int, int], Style] = {}
@@ -46,12 +46,12 @@ class Canvas:
         if place is None:
             return
         column, row = place
-        if self._look.ascii_only:
+        if self._theme.ascii_only:
             self._letters.setdefault((column, row), mark)
         else:
             down = self.height - 1 - round(y)
             self._bits[place] = self._bits.get(place, 0) | _DOTS[round(x) % 2][down % 4]
-        self._styles[place] = self._look.styles[meaning]
+        self._styles[place] = self._theme.styles[meaning]
 
     def line(self, x0: float, y0: float, x1: float, y1: float, meaning: str, mark: str = "*") -> None:
         """Draw a straight line."""
@@ -64,7 +64,7 @@ class Canvas:
         place = self._cell(x, y)
         if place is not None:
             self._letters[place] = letter
-            self._styles[place] = self._look.styles[meaning]
+            self._styles[place] = self._theme.styles[meaning]
 
     def lines(self) -> list[Text]:
         """Give the picture, a text per row of cells."""

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from host.screen.dashboard.boxes import Lines, beside, block, once_a_cycle
 from host.screen.dashboard.canvas import Canvas
-from host.screen.dashboard.theme import Look
+from host.screen.dashboard.theme import Theme
 from host.trial.state import OUTSIDE, Quaternion, TrialState
 
 Vector = tuple[float, float, float]
@@ -28,14 +28,14 @@ def _poses(state: TrialState) -> list[tuple[int, Quaternion]]:
     """Cycle numbers and orientations of the end points in the trial window, the first that counts among them."""
     return [
         (row.number, row.quat_wxyz)
-        for row in state.cycles
-        if row.quat_wxyz is not None and (row.excluded != OUTSIDE or row.quat_wxyz == state.origin_wxyz)
+        for row in state.score.cycles
+        if row.quat_wxyz is not None and (row.excluded != OUTSIDE or row.quat_wxyz == state.score.origin_wxyz)
     ]
 
 
 def cumulative_deg(state: TrialState) -> list[tuple[int, float]]:
     """Rotation from the first end point that counts to each in the trial window, deg, with the number of its cycle."""
-    origin = state.origin_wxyz
+    origin = state.score.origin_wxyz
     return [] if origin is None else [(number, _angle_deg(quat, origin)) for number, quat in _poses(state)]
 
 
@@ -46,19 +46,19 @@ def net_deg(state: TrialState) -> float | None:
 
 
 @once_a_cycle
-def small_path(state: TrialState, look: Look, width: int, height: int) -> Lines:
+def small_path(state: TrialState, theme: Theme, width: int, height: int) -> Lines:
     """Plot the drift path without labels, for where there is little room."""
-    return path_plot(state, look, width, height, labels=False)
+    return path_plot(state, theme, width, height, labels=False)
 
 
-def path_plot(state: TrialState, look: Look, width: int, height: int, labels: bool = True) -> Lines:
+def path_plot(state: TrialState, theme: Theme, width: int, height: int, labels: bool = True) -> Lines:
     """Plot the rotation since the first end point over the cycles.
 
     Parameters
     ----------
     state : TrialState
         The moment.
-    look : Look
+    theme : Theme
         Colours and characters.
     width, height : int
         Of the rectangle.
@@ -67,10 +67,10 @@ def path_plot(state: TrialState, look: Look, width: int, height: int, labels: bo
     """
     points = cumulative_deg(state)
     if len(points) < 2:
-        return block([look.text("no steps yet", "quiet")] if labels else [], width, height, look)
+        return block([theme.text("no steps yet", "quiet")] if labels else [], width, height, theme)
     top = max(max(angle for _, angle in points), 1e-3)
-    margin = (10 if look.ascii_only else 8) if labels else 0
-    canvas = Canvas(width - margin, height - (1 if labels else 0), look)
+    margin = (10 if theme.ascii_only else 8) if labels else 0
+    canvas = Canvas(width - margin, height - (1 if labels else 0), theme)
     first, last = points[0][0], points[-1][0]
     across, up = (canvas.width - 1) / max(1, last - first), canvas.height - 1
     places = [((number - first) * across, angle / top * up) for number, angle in points]
@@ -80,16 +80,16 @@ def path_plot(state: TrialState, look: Look, width: int, height: int, labels: bo
         canvas.dot(x, y, "accent", "o")
     drawn = canvas.lines()
     if not labels:
-        return block(drawn, width, height, look)
-    scale = [look.text("")] * len(drawn)
-    scale[0] = look.text(f"{top:6.2f}° ", "quiet")
-    scale[-1] = look.text(f"{0.0:6.2f}° ", "quiet")
-    below = look.text(f"{'':{margin}}cycle {first} to {last}", "quiet")
-    body = beside(block(scale, margin, len(drawn), look), block(drawn, width - margin, len(drawn), look))
-    return block([*body, below], width, height, look)
+        return block(drawn, width, height, theme)
+    scale = [theme.text("")] * len(drawn)
+    scale[0] = theme.text(f"{top:6.2f}° ", "quiet")
+    scale[-1] = theme.text(f"{0.0:6.2f}° ", "quiet")
+    below = theme.text(f"{'':{margin}}cycle {first} to {last}", "quiet")
+    body = beside(block(scale, margin, len(drawn), theme), block(drawn, width - margin, len(drawn), theme))
+    return block([*body, below], width, height, theme)
 
 
-def sphere_plot(state: TrialState, look: Look, width: int, height: int) -> Lines:
+def sphere_plot(state: TrialState, theme: Theme, width: int, height: int) -> Lines:
     """Draw where the object's axes have wandered since the first end point.
 
     The axes of the first end point are x, y and z of the picture, each towards the eye; a letter stands where the axis
@@ -97,8 +97,8 @@ def sphere_plot(state: TrialState, look: Look, width: int, height: int) -> Lines
     """
     legend = height >= LEGEND_FROM
     cells_high = max(2, height - legend)
-    canvas = Canvas(min(width, cells_high * 2 + 1), cells_high, look)
-    aspect = 2.0 if look.ascii_only else 1.0  # an ASCII dot is a cell, twice as high as wide
+    canvas = Canvas(min(width, cells_high * 2 + 1), cells_high, theme)
+    aspect = 2.0 if theme.ascii_only else 1.0  # an ASCII dot is a cell, twice as high as wide
     radius = min((canvas.width - 1) / (2.0 * aspect), (canvas.height - 1) / 2.0)
     x0, y0 = (canvas.width - 1) / 2.0, (canvas.height - 1) / 2.0
 
@@ -109,7 +109,7 @@ def sphere_plot(state: TrialState, look: Look, width: int, height: int) -> Lines
     for k in range(steps):
         angle = 2 * math.pi * k / steps
         canvas.dot(x0 + radius * aspect * math.cos(angle), y0 + radius * math.sin(angle), "frame", ".")
-    origin = state.origin_wxyz
+    origin = state.score.origin_wxyz
     if origin is not None:
         turns = [_difference(quat, origin) for _, quat in _poses(state)]
         tips = []
@@ -124,8 +124,8 @@ def sphere_plot(state: TrialState, look: Look, width: int, height: int) -> Lines
     pad = max(0, (width - canvas.cells_wide) // 2)
     lines = [Text(" " * pad, end="").append_text(line) for line in canvas.lines()]
     if legend:
-        lines.append(look.text("letter: now · dots: past", "quiet"))
-    return block(lines, width, height, look)
+        lines.append(theme.text("letter: now · dots: past", "quiet"))
+    return block(lines, width, height, theme)
 
 
 def _dot(a: Vector, b: Vector) -> float:

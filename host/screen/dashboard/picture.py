@@ -16,11 +16,11 @@ from host.screen.dashboard.drift_path import path_plot, sphere_plot
 from host.screen.dashboard.notices import bottom_line, guide_lines, help_lines, notice_lines
 from host.screen.dashboard.score_panel import score_panel
 from host.screen.dashboard.status_panel import status_panel
-from host.screen.dashboard.theme import Look
+from host.screen.dashboard.theme import Theme
 from host.screen.dashboard.view import View
 from host.trial.state import TrialState
 
-__all__ = ["Look", "View", "picture", "render"]
+__all__ = ["Theme", "View", "picture", "render"]
 
 WIDE, TALL = 100, 28
 """From this size on the drift path and the sphere have panels of their own."""
@@ -38,19 +38,19 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
     states : tuple of TrialState
         One per object, at least one.
     view : View
-        Focus, prompt, look.
+        Focus, prompt, theme.
     width, height : int
         Of the terminal.
     """
-    look = view.look
+    theme = view.theme
     focus = min(view.focus, len(states) - 1)
     state = states[focus]
     wide = width >= WIDE and height >= TALL
-    top = score_panel(state, look, width, with_path=not wide)
-    top += object_rows(states, focus, look, width, max(2, height // 6))
-    top += guide_lines(state, look, width)
-    notices = notice_lines(state, look, width)
-    foot = [*status_panel(state, look, width), bottom_line(view, states, focus, width)]
+    top = score_panel(state, theme, width, with_path=not wide)
+    top += object_rows(states, focus, theme, width, max(2, height // 6))
+    top += guide_lines(state, theme, width)
+    notices = notice_lines(state, theme, width)
+    foot = [*status_panel(state, theme, width), bottom_line(view, states, focus, width)]
     spare = height - len(top) - len(notices) - len(foot)
     if spare < MIN_TABLE or (view.help_open and spare < HELP_LINES):
         # A small terminal: what is wrong goes before the status.
@@ -58,40 +58,40 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
         spare = height - len(top) - len(notices) - len(foot)
     middle_height = max(1, spare)
     if view.help_open:
-        middle = help_lines(look, width, middle_height)
+        middle = help_lines(theme, width, middle_height)
     elif wide:
-        middle = _wide_middle(state, look, width, middle_height)
+        middle = _wide_middle(state, theme, width, middle_height)
     else:
-        middle = cycle_table(state, look, width, middle_height)
+        middle = cycle_table(state, theme, width, middle_height)
     lines = [*top, *notices, *middle, *foot]
-    return block([fitted(line, width, look) for line in lines[: height - 1]] + lines[-1:], width, height, look)
+    return block([fitted(line, width, theme) for line in lines[: height - 1]] + lines[-1:], width, height, theme)
 
 
 @once_a_cycle
-def _wide_middle(state: TrialState, look: Look, width: int, height: int) -> Lines:
+def _wide_middle(state: TrialState, theme: Theme, width: int, height: int) -> Lines:
     right = min(MAX_PLOT, max(MIN_PLOT, width * 9 // 20 - 15))
-    table = cycle_table(state, look, width - right - 1, height)
+    table = cycle_table(state, theme, width - right - 1, height)
     path_height = max(6, height * 2 // 5)
     sphere_height = height - path_height
     path = framed(
-        path_plot(state, look, right - 4, path_height - 2),
+        path_plot(state, theme, right - 4, path_height - 2),
         "rotation since the start",
         right,
         path_height,
-        look,
+        theme,
     )
     if sphere_height < 6:
-        path = framed(path_plot(state, look, right - 4, height - 2), "rotation since the start", right, height, look)
+        path = framed(path_plot(state, theme, right - 4, height - 2), "rotation since the start", right, height, theme)
         sphere: Lines = []
     else:
         sphere = framed(
-            sphere_plot(state, look, right - 4, sphere_height - 2),
+            sphere_plot(state, theme, right - 4, sphere_height - 2),
             "where the axes went",
             right,
             sphere_height,
-            look,
+            theme,
         )
-    gap = block([], 1, height, look)
+    gap = block([], 1, height, theme)
     return beside(table, gap, [*path, *sphere])
 
 
@@ -117,7 +117,7 @@ def render(states: TrialState | tuple[TrialState, ...], view: View | None = None
     states : TrialState or tuple of TrialState
         The moment.
     view : View, optional
-        Focus, prompt, look.
+        Focus, prompt, theme.
     """
     several = (states,) if isinstance(states, TrialState) else states
     return _Screen(several, view or View())
