@@ -64,8 +64,8 @@ def run_one(link: str, folder: Path, seconds: float) -> None:
     """Be the capture: instrumented, in this process's terminal; figures go to a file."""
     from host.capture import run as capture_run
     from host.capture.settings import CaptureSettings
-    from host.screen.live_screen import LiveScreen
     from host.screen.choice import open_screen
+    from host.screen.live_screen import LiveScreen
     from host.trial.live import Trial
 
     delays: list[tuple[int, int]] = []

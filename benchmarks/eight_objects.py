@@ -59,7 +59,7 @@ class _Watch(QuietScreen):
         return {
             "samples": [stream.losses.received for stream in streams],
             "lost": sum(stream.losses.missing for stream in streams),
-            "errors": sum(stream.counters["crc_errors"] + stream.counters["malformed"] for stream in streams),
+            "errors": sum(stream.counters.crc_errors + stream.counters.malformed for stream in streams),
             "overflows": sum(state.link.overflow_chunks for state in self.states.values()),
             "seconds": (self.last[0] - self._first[0]) / 1e9,
             "cpu": self.last[1] - self._first[1],

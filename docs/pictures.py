@@ -16,8 +16,8 @@ from rich._export_format import CONSOLE_SVG_FORMAT
 from rich.console import Console
 from rich.terminal_theme import MONOKAI
 
-from host.capture.settings import CaptureSettings
 from host.capture.run import DEFAULT_FOLDER, run_capture
+from host.capture.settings import CaptureSettings
 from host.screen.dashboard.picture import render
 from host.screen.screens import QuietScreen
 from host.trial.state import TrialState

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from host.capture.settings import CaptureSettings
     from host.capture.run import FinishedCapture
+    from host.capture.settings import CaptureSettings
     from host.results.result import ScoreOptions
     from host.screen.screens import Screen
 
@@ -90,8 +90,8 @@ def run(args: Options) -> int:
     from datetime import datetime
 
     from host.capture.guide import GuideSettings
-    from host.capture.settings import CaptureSettings
     from host.capture.run import default_recording, run_capture
+    from host.capture.settings import CaptureSettings
     from host.errors import UsageError
     from host.results.result import ScoreOptions, result_text
     from host.screen.choice import ScreenChoice, open_screen

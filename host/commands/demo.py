@@ -39,8 +39,8 @@ def run(args: argparse.Namespace) -> int:
 
     from emulator import ScenarioError
     from emulator.scenario import load_scenario
-    from host.capture.settings import CaptureSettings
     from host.capture.run import default_recording, run_capture
+    from host.capture.settings import CaptureSettings
     from host.errors import UsageError
     from host.results.printout import print_score
     from host.screen.choice import open_screen

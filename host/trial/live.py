@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from host.stream.session import RoundTrip
 from host.text import plain
 from host.trial.first_rest import FirstRest
 from host.trial.running_score import RunningScore
-from host.trial.state import ClockView, CycleRow, MotionView, SensorView, StreamView
+from host.trial.state import ClockView, CounterView, CycleRow, MotionView, SensorView, StreamView
 
 TURN_S = 0.5
 """Stretch over which the turning rate is taken."""
@@ -283,7 +283,6 @@ class Trial:
 
     def stream_view(self, now_ns: int) -> StreamView:
         """Return what came over the link until ``now_ns``, monotonic (of a replay: the recording's)."""
-        counters = self.link.counters
         segments = self.assembler.segments
         return StreamView(
             rate_hz=self._rate.rate_hz(now_ns),
@@ -293,7 +292,7 @@ class Trial:
             segments=len(segments),
             segment_reason=segments[-1].reason if len(segments) > 1 else "",
             reconnects=self.reconnects,
-            counters={each.name: n for each in fields(counters) if isinstance(n := getattr(counters, each.name), int)},
+            counters=CounterView.of(self.link.counters),
         )
 
     def clock_view(self) -> ClockView:

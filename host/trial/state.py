@@ -7,9 +7,9 @@ Texts in here come from devices and files: they are plain (:func:`host.text.plai
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
+from firmware_protocol.items import StreamCounters
 from host.losses.ledger import LossReport
 
 Quaternion = tuple[float, float, float, float]
@@ -111,6 +111,35 @@ class LinkView:
 
 
 @dataclass(frozen=True, slots=True)
+class CounterView:
+    """What the decoder counted that a good link has none of.
+
+    Named as in :class:`firmware_protocol.items.StreamCounters` and, on a bus,
+    :class:`firmware_protocol.can.counters.CanCounters`; a counter that the link's decoder does not have stays 0.
+    """
+
+    crc_errors: int = 0
+    malformed: int = 0
+    refused: int = 0
+    unnumbered: int = 0
+    misnumbered: int = 0
+    wrong_lengths: int = 0
+    damaged_batches: int = 0
+    long_packet_errors: int = 0
+    error_frames: int = 0
+    remote_frames: int = 0
+    cobs_errors: int = 0
+    oversize: int = 0
+    unsupported_versions: int = 0
+    unknown_types: int = 0
+
+    @classmethod
+    def of(cls, counters: StreamCounters) -> CounterView:
+        """Return the view of a decoder's counters."""
+        return cls(**{each.name: getattr(counters, each.name, 0) for each in fields(cls)})
+
+
+@dataclass(frozen=True, slots=True)
 class StreamView:
     """What came over the link."""
 
@@ -126,9 +155,7 @@ class StreamView:
     """Why the last segment started."""
     reconnects: int = 0
     """How often the link was lost and came back."""
-    counters: Mapping[str, int] = field(default_factory=dict)
-    """What the decoder counts, by name: the fields of :class:`firmware_protocol.items.StreamCounters` that are numbers,
-    and on a CAN bus those of :class:`firmware_protocol.can.counters.CanCounters`."""
+    counters: CounterView = CounterView()
 
 
 @dataclass(frozen=True, slots=True)

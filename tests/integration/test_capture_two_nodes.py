@@ -31,7 +31,7 @@ class BothScreen(QuietScreen):
 
     def actions(self):
         second = self.states.get(1)
-        if self._pressed or second is None or second.n_cycles < 1:
+        if self._pressed or second is None or second.score.n_cycles < 1:
             return []
         self._pressed = True
         return [ScreenAction("note", 1, "only the ball")]

@@ -41,7 +41,7 @@ def test_colour_is_never_the_only_carrier():
 
 
 def test_more_cycles_than_fit_show_the_newest():
-    state = replace(RUNNING, cycles=tuple(replace(RUNNING.cycles[-1], number=k) for k in range(100, 300)))
+    state = RUNNING.with_cycles(tuple(replace(RUNNING.score.cycles[-1], number=k) for k in range(100, 300)))
     text = "\n".join(line.plain for line in picture((state,), View(), 80, 24))
     assert "   299 " in text
     assert "   200 " not in text
@@ -62,11 +62,11 @@ def test_long_names_keep_their_end():
 def test_what_is_remembered_of_a_drawing_follows_its_state():
     """The same cycles drawn again are taken from memory; another size, theme or origin is not."""
     first = picture((RUNNING,), View(), 120, 36)
-    changed = replace(RUNNING, origin_wxyz=RUNNING.cycles[5].quat_wxyz)
+    changed = replace(RUNNING, score=replace(RUNNING.score, origin_wxyz=RUNNING.score.cycles[5].quat_wxyz))
     assert [line.plain for line in picture((changed,), View(), 120, 36)] != [line.plain for line in first]
     for size in ((120, 36), (119, 36), (120, 36), (80, 24)):
         for theme in (Theme(), Theme(ascii_only=True), Theme(light=True)):
-            fresh = replace(RUNNING, cycles=(*RUNNING.cycles,))
-            assert fresh.cycles is not RUNNING.cycles
+            fresh = RUNNING.with_cycles((*RUNNING.score.cycles,))
+            assert fresh.score.cycles is not RUNNING.score.cycles
             again = picture((RUNNING,), View(theme=theme), *size)
             assert again == picture((fresh,), View(theme=theme), *size)

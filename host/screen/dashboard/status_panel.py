@@ -18,20 +18,20 @@ SILENCE_S = 1.0
 """So long without a sample is worth a word."""
 NAME_WIDTH = 10
 COUNTERS = {
-    "refused": "refused sample",
-    "unnumbered": "unnumbered sample",
-    "misnumbered": "misnumbered sample",
-    "wrong_lengths": "frame length error",
-    "damaged_batches": "damaged frame batch",
-    "long_packet_errors": "long packet error",
-    "error_frames": "CAN error frame",
-    "remote_frames": "remote frame",
-    "cobs_errors": "framing error",
-    "oversize": "oversized frame",
-    "unsupported_versions": "unsupported version",
-    "unknown_types": "unknown packet",
+    "refused": "refused",
+    "unnumbered": "unnumbered",
+    "misnumbered": "misnumbered",
+    "wrong_lengths": "wrong length",
+    "damaged_batches": "damaged batches",
+    "long_packet_errors": "long packets failed",
+    "error_frames": "error frames",
+    "remote_frames": "remote frames",
+    "cobs_errors": "framing errors",
+    "oversize": "oversized",
+    "unsupported_versions": "unsupported versions",
+    "unknown_types": "unknown types",
 }
-"""Counter of the decoder -> what one of it is called, the gravest first: what a good link has none of."""
+"""Counter of the decoder -> its name in the line of the link, the gravest first; two more stand in that of losses."""
 
 
 def status_panel(state: TrialState, theme: Theme, width: int) -> Lines:
@@ -115,17 +115,17 @@ def _link(state: TrialState, room: int, theme: Theme) -> list[Part]:
     parts: list[Part] = [(rate, "doubtful" if off else "plain"), (outage(state), "bad")]
     if link.overflow_chunks:
         parts.append((f"{counted(link.overflow_chunks, 'chunk')} not received in time", "bad"))
-    parts.append((counted(stream.reconnects, "reconnect"), "doubtful" if stream.reconnects else "quiet"))
+    if stream.reconnects:
+        parts.append((counted(stream.reconnects, "reconnect"), "doubtful"))
     if stream.segments > 1:
         n = stream.segments - 1
         parts.append((stream.segment_reason if n == 1 else counted(n, "reset"), "doubtful"))
-    parts += [
-        (counted(stream.counters[name], what), "doubtful")
-        for name, what in COUNTERS.items()
-        if stream.counters.get(name)
-    ]
+    counts = ((name, getattr(stream.counters, counter)) for counter, name in COUNTERS.items())
+    parts += [(f"{name} {n}", "doubtful") for name, n in counts if n]
     if link.one_way:
         parts.append(("does not answer", "doubtful"))
+    if not stream.reconnects:
+        parts.append(("0 reconnects", "quiet"))
     parts.append((end_of(link.name, max(12, room - len("1000.0 Hz of 1000 · 10 reconnects · ")), theme), "quiet"))
     return parts
 
@@ -158,10 +158,9 @@ def _losses(state: TrialState) -> list[Part]:
         meaning = "bad" if losses.share > LOSS_LIMIT else "doubtful"
         parts = [(f"{100 * losses.share:.2f} % missing: {causes}", meaning)]
     if not state.link.name.startswith("can:"):  # a CAN controller checks frames by itself and reports none
-        n = counters.get("crc_errors", 0)
-        parts.append((counted(n, "CRC error"), "doubtful" if n else "quiet"))
-    if counters.get("malformed"):
-        parts.append((f"{counters['malformed']} malformed", "doubtful"))
+        parts.append((counted(counters.crc_errors, "CRC error"), "doubtful" if counters.crc_errors else "quiet"))
+    if counters.malformed:
+        parts.append((f"{counters.malformed} malformed", "doubtful"))
     return parts
 
 
