@@ -16,7 +16,7 @@ from host.screen.keys import ScreenAction
 from host.screen.pipe import FrameSender, decode_action
 from host.screen.process import command_line
 from host.screen.screens import Screen
-from host.screen.terminal import in_foreground, restore, save_modes
+from host.screen.terminal import Terminal
 from host.text import plain
 from host.trial.state import CycleRow, TrialState
 
@@ -50,8 +50,8 @@ class LiveScreen(Screen):
         self._bell = bell
         self._process: subprocess.Popen[bytes] | None = None
         self._frames: FrameSender | None = None
-        self._modes: list[Any] | None = None
-        self._restored = False
+        self._terminal: Terminal | None = None
+        self._rescued = False
         self._handlers: dict[int, Any] = {}
         self._actions: deque[ScreenAction] = deque()
         self._closed = threading.Event()
@@ -64,22 +64,22 @@ class LiveScreen(Screen):
 
     def start(self) -> None:
         """Start the process that draws; the terminal is its own from here on."""
-        self._modes = save_modes(self._stream.fileno())
+        self._terminal = Terminal(self._stream.fileno())
         if threading.current_thread() is threading.main_thread():
             for name in _JOB_SIGNALS:
                 number = getattr(signal, name, None)
                 if number is not None:
                     self._handlers[number] = signal.signal(number, signal.SIG_IGN)
-        terminal = os.dup(self._stream.fileno())  # a number that is not taken by a pipe over there
-        extra: dict[str, Any] = {} if sys.platform == "win32" else {"pass_fds": (terminal,)}
+        descriptor = os.dup(self._stream.fileno())  # a number that is not taken by a pipe over there
+        extra: dict[str, Any] = {} if sys.platform == "win32" else {"pass_fds": (descriptor,)}
         process = subprocess.Popen(  # noqa: S603 - our own program
-            command_line(terminal, self._theme),
+            command_line(descriptor, self._theme),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             **extra,
         )
-        os.close(terminal)
+        os.close(descriptor)
         assert process.stdin is not None
         assert process.stdout is not None
         self._process = process
@@ -125,8 +125,10 @@ class LiveScreen(Screen):
                 process.kill()
                 process.wait()
             self._frames.join(1.0)
-            if process.returncode != 0 and not self._restored and in_foreground(self._stream.fileno()):
-                restore(self._stream.fileno(), self._modes)
+            if process.returncode != 0:
+                self._rescue()
+            if self._terminal is not None:
+                self._terminal.give_back()
             for pipe in (process.stdin, process.stdout):
                 with contextlib.suppress(OSError):
                     pipe.close()  # type: ignore[union-attr]
@@ -144,11 +146,16 @@ class LiveScreen(Screen):
         process = self._process
         if process is None or process.poll() is None:
             return False
-        if not self._restored:
-            self._restored = True
-            restore(self._stream.fileno(), self._modes)
+        if self._rescue():
             self._fallback.report("the screen failed; the capture goes on with a line per cycle")
         return True
+
+    def _rescue(self) -> bool:
+        """Restore the terminal that the process has left taken; return whether it was the first time."""
+        first, self._rescued = not self._rescued, True
+        if first and self._terminal is not None:
+            self._terminal.rescue()
+        return first
 
     def _receive(self, pipe: IO[bytes]) -> None:
         with contextlib.suppress(OSError, ValueError):

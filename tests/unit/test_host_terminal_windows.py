@@ -53,8 +53,8 @@ def windows(monkeypatch, tmp_path):
 def test_it_writes_understands_escapes_and_gives_the_console_back(windows):
     module, console, device = windows
     terminal = module.Terminal(1)
-    assert console.mode == 3 | 4  # escape sequences are understood from here on
     terminal.take()
+    assert console.mode == 3 | 4  # escape sequences are understood from here on
     assert terminal.size() == (132, 43)
     data = (module.ENTER + "θ̄ = 0.8°").encode()
     assert terminal.write(data) == len(data)
@@ -62,8 +62,9 @@ def test_it_writes_understands_escapes_and_gives_the_console_back(windows):
     assert console.mode == 3
     assert device.read_bytes() == data
     assert module.in_foreground(1)
-    assert module.save_modes(1) is None
-    module.restore(1, None)
+    terminal = module.Terminal(1)
+    terminal.rescue()
+    terminal.give_back()
     assert device.read_text(encoding="utf-8") == module.LEAVE
 
 
