@@ -28,7 +28,7 @@ from host.capture.snapshot import Snapshots
 from host.cards.definitions import load_cards
 from host.errors import HostError
 from host.links.transport import Chunk
-from host.screen.dashboard.picture import render
+from host.screen.dashboard.picture import View, picture
 from host.stream.samples import SampleAssembler
 from host.text import plain
 from host.trial.live import Trial
@@ -226,7 +226,8 @@ def test_a_hostile_name_reaches_no_screen():
     state = Snapshots(trial, OperatorDesk(trial)).at(10**9, 1.0, link, recording, (plain(HOSTILE, 200),))
     stream = io.StringIO()
     console = Console(width=120, height=40, file=stream, force_terminal=True, color_system="truecolor")
-    console.print(render(state))
+    for line in picture((state,), View(), 120, 40):
+        console.print(line, no_wrap=True)
     shown = stream.getvalue()
     assert "owned" in shown  # as text
     assert "[bold red]" in shown or "[bold" in shown

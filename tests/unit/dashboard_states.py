@@ -11,7 +11,7 @@ from rich.console import Console
 
 from analysis.geometry import rotations
 from host.losses.ledger import LossReport
-from host.screen.dashboard.picture import Theme, View, render
+from host.screen.dashboard.picture import Theme, View, picture
 from host.trial.state import (
     MISSED,
     OUTSIDE,
@@ -220,7 +220,8 @@ def draw(name):
         legacy_windows=False,
         _environ={},
     )
-    console.print(render(states, view))
+    for line in picture(states, view, width, height):
+        console.print(line, no_wrap=True)
     lines = console.file.getvalue().split("\n")
     return "\n".join(line.rstrip() for line in lines).rstrip("\n") + "\n"
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from host.losses.ledger import LossReport
 from host.screen.choice import _shows_ascii_only, open_screen
 from host.screen.dashboard.canvas import big_text
-from host.screen.dashboard.picture import Theme, View, picture, render
+from host.screen.dashboard.picture import Theme, View, picture
 from host.screen.dashboard.score_panel import verdicts
 from host.screen.screens import LineScreen, QuietScreen
 from host.trial.state import (
@@ -30,7 +30,8 @@ from host.trial.state import (
 
 def drawn(state, width=80, height=24, **options):
     console = Console(file=io.StringIO(), width=width, height=height, force_terminal=True, **options)
-    console.print(render(state), height=height)
+    for line in picture((state,), View(), width, height):
+        console.print(line, no_wrap=True)
     return console.file.getvalue()
 
 

@@ -91,38 +91,17 @@ class Canvas:
         return line.append(run, style)
 
 
-_GLYPHS = {
-    "0": ("█▀█", "█ █", "█▄█"),
-    "1": (" ▀█", "  █", " ▄█"),
-    "2": ("▀▀█", "█▀▀", "█▄▄"),
-    "3": ("▀▀█", " ▀█", "▄▄█"),
-    "4": ("█ █", "▀▀█", "  █"),
-    "5": ("█▀▀", "▀▀█", "▄▄█"),
-    "6": ("█▀▀", "█▀█", "█▄█"),
-    "7": ("▀▀█", "  █", "  █"),
-    "8": ("█▀█", "█▀█", "█▄█"),
-    "9": ("█▀█", "▀▀█", "▄▄█"),
-    ".": (" ", " ", "▄"),
-    "-": ("   ", "▀▀▀", "   "),
-    "°": ("▄▄", "▀▀", "  "),
-    " ": (" ", " ", " "),
-}
-_ASCII_GLYPHS = {
-    "0": (" _ ", "| |", "|_|"),
-    "1": ("   ", "  |", "  |"),
-    "2": (" _ ", " _|", "|_ "),
-    "3": (" _ ", " _|", " _|"),
-    "4": ("   ", "|_|", "  |"),
-    "5": (" _ ", "|_ ", " _|"),
-    "6": (" _ ", "|_ ", "|_|"),
-    "7": (" _ ", "  |", "  |"),
-    "8": (" _ ", "|_|", "|_|"),
-    "9": (" _ ", "|_|", " _|"),
-    ".": (" ", " ", "."),
-    "-": ("   ", " _ ", "   "),
-    "°": ("deg", "   ", "   "),
-    " ": (" ", " ", " "),
-}
+_CHARACTERS = "0123456789.-° "
+_BLOCKS = (
+    "█▀█: ▀█:▀▀█:▀▀█:█ █:█▀▀:█▀▀:▀▀█:█▀█:█▀█: :   :▄▄: ",
+    "█ █:  █:█▀▀: ▀█:▀▀█:▀▀█:█▀█:  █:█▀█:▀▀█: :▀▀▀:▀▀: ",
+    "█▄█: ▄█:█▄▄:▄▄█:  █:▄▄█:█▄█:  █:█▄█:▄▄█:▄:   :  : ",
+)
+_STROKES = (
+    " _ :   : _ : _ :   : _ : _ : _ : _ : _ : :   :deg: ",
+    "| |:  |: _|: _|:|_|:|_ :|_ :  |:|_|:|_|: : _ :   : ",
+    "|_|:  |:|_ : _|:  |: _|:|_|:  |:|_|: _|:.:   :   : ",
+)
 
 
 def big_text(text: str, ascii_only: bool = False) -> tuple[str, str, str]:
@@ -145,9 +124,10 @@ def big_text(text: str, ascii_only: bool = False) -> tuple[str, str, str]:
     ValueError
         There is no figure for a character.
     """
-    glyphs = _ASCII_GLYPHS if ascii_only else _GLYPHS
-    unknown = sorted(set(text) - set(glyphs))
+    unknown = sorted(set(text) - set(_CHARACTERS))
     if unknown:
         raise ValueError(f"no large figure for {''.join(unknown)!r}")
-    top, middle, bottom = (" ".join(glyphs[character][line] for character in text) for line in range(3))
+    rows = [row.split(":") for row in (_STROKES if ascii_only else _BLOCKS)]
+    places = [_CHARACTERS.index(character) for character in text]
+    top, middle, bottom = (" ".join(row[place] for place in places) for row in rows)
     return top, middle, bottom

@@ -6,10 +6,6 @@ text is a :class:`rich.text.Text`, never a markup string. Colour is never the on
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from rich.console import Console, ConsoleOptions, Group, RenderableType
-
 from host.screen.dashboard.boxes import Lines, beside, block, fitted, framed, once_a_cycle
 from host.screen.dashboard.cycle_table import cycle_table, object_rows
 from host.screen.dashboard.drift_path import path_plot, sphere_plot
@@ -20,7 +16,7 @@ from host.screen.dashboard.theme import Theme
 from host.screen.dashboard.view import View
 from host.trial.state import TrialState
 
-__all__ = ["Theme", "View", "picture", "render"]
+__all__ = ["Theme", "View", "picture"]
 
 WIDE, TALL = 100, 28
 """From this size on the drift path and the sphere have panels of their own."""
@@ -93,31 +89,3 @@ def _wide_middle(state: TrialState, theme: Theme, width: int, height: int) -> Li
         )
     gap = block([], 1, height, theme)
     return beside(table, gap, [*path, *sphere])
-
-
-class _Screen:
-    """A picture that knows its size only when it is drawn."""
-
-    def __init__(self, states: tuple[TrialState, ...], view: View) -> None:
-        self._states = states
-        self._view = view
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        lines = picture(self._states, self._view, options.max_width, options.height or options.size.height)
-        for line in lines:
-            line.end = "\n"
-        yield Group(*lines)
-
-
-def render(states: TrialState | tuple[TrialState, ...], view: View | None = None) -> RenderableType:
-    """Draw one or several objects with rich, at the size of the console.
-
-    Parameters
-    ----------
-    states : TrialState or tuple of TrialState
-        The moment.
-    view : View, optional
-        Focus, prompt, theme.
-    """
-    several = (states,) if isinstance(states, TrialState) else states
-    return _Screen(several, view or View())
