@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.style import Style
 from rich.text import Text
 
@@ -53,8 +55,9 @@ class Canvas:
             self._bits[place] = self._bits.get(place, 0) | _DOTS[round(x) % 2][down % 4]
         self._styles[place] = self._theme.styles[meaning]
 
-    def line(self, x0: float, y0: float, x1: float, y1: float, meaning: str, mark: str = "*") -> None:
-        """Draw a straight line."""
+    def line(self, start: Sequence[float], end: Sequence[float], meaning: str, mark: str = "*") -> None:
+        """Draw a straight line between two points (x, y)."""
+        (x0, y0), (x1, y1) = start, end
         steps = max(1, round(max(abs(x1 - x0), abs(y1 - y0))))
         for k in range(min(steps, 1000) + 1):
             self.dot(x0 + (x1 - x0) * k / steps, y0 + (y1 - y0) * k / steps, meaning, mark)
