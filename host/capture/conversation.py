@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
-from host.errors import HostError, LinkLostError, WrongObjectError
+from host.capture.settings import CaptureSettings
+from host.errors import HostError, LinkError, LinkLostError, WrongObjectError
 from host.links.reader_thread import ReaderThread
 from host.links.transport import AnyChunk, Transport
 from host.recording.writer import RecordingWriter
-from host.stream.session import Phase, RoundTrip, Session, SessionSettings
-from host.trial.live import TrialUpdate
+from host.stream.session import Phase, Session
+from host.trial.live import Trial, TrialUpdate
 from host.trial.state import LinkView
+
+Ending = tuple[str, HostError | None]
+"""Why a capture ends, in words, and what went wrong; no error where it ends as asked."""
 
 
 class Conversation:
-    """Reads a link, answers the object, and knows whether both still go on.
+    """Reads a link, answers the object, and knows when it was last heard and whether both still go on.
 
     Parameters
     ----------
@@ -23,53 +26,39 @@ class Conversation:
         Open; closed by the reading thread.
     recording : RecordingWriter
         Gets everything that is sent.
-    settings : SessionSettings
-        How to talk.
-    read_pause_s : float
-        Rest of a live link's reading thread.
+    settings : CaptureSettings
+        How to talk, and how long to wait.
     now_ns : callable
         Monotonic clock, the one that stamps chunks.
     """
 
     def __init__(
-        self,
-        transport: Transport,
-        recording: RecordingWriter,
-        settings: SessionSettings,
-        read_pause_s: float = 0.0,
-        now_ns: Callable[[], int] = time.monotonic_ns,
+        self, transport: Transport, recording: RecordingWriter, settings: CaptureSettings, now_ns: Callable[[], int]
     ) -> None:
         self._transport = transport
         self._recording = recording
         self._now_ns = now_ns
+        self._silence_limit_s = settings.silence_limit_s
         live = transport.is_live
-        self._reader = ReaderThread(transport, pause_s=read_pause_s if live else 0.0)
-        self._session = Session(settings, transport.name, now_ns(), transport.encode_command) if live else None
+        self._reader = ReaderThread(transport, pause_s=settings.read_pause_s if live else 0.0)
+        self._session = Session(settings.session, transport.name, now_ns(), transport.encode_command) if live else None
+        self.n_chunks = 0
+        """Chunks received."""
+        self.chunk_ns = now_ns()
+        """When the last chunk was received, or the capture started."""
+        self._first_sample_ns: int | None = None
+        self._sample_ns = self.chunk_ns
+        self._quiet_since_ns = self.chunk_ns  # the last sample, or the link's opening after it
 
     @property
-    def is_live(self) -> bool:
-        """Whether somebody may answer; a recording that is captured again has its own time, of another day perhaps."""
-        return self._session is not None
-
-    @property
-    def connected(self) -> bool:
-        """Whether the link is there; one that cannot be lost and come back always is."""
-        return bool(getattr(self._transport, "connected", True))
-
-    @property
-    def ended(self) -> bool:
-        """Whether the link is over and all of it was received."""
-        return self._reader.ended
-
-    @property
-    def link_error(self) -> HostError | None:
-        """Why the link ended; None while it goes on and after an orderly end."""
-        return self._reader.error
+    def time_ns(self) -> int:
+        """The time now; a recording that is captured again has its own, of another day perhaps."""
+        return self.chunk_ns if self._session is None else self._now_ns()
 
     @property
     def error(self) -> HostError | None:
-        """Why the conversation cannot go on."""
-        return None if self._session is None else self._session.error
+        """Why the link ended; None while it goes on and after an orderly end."""
+        return self._reader.error
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -82,11 +71,16 @@ class Conversation:
         session = self._session
         return LinkView(
             name=self._transport.name,
-            connected=not self.ended and self.connected,
+            connected=not self._reader.ended and self._connected,
             one_way=session is not None and session.one_way,
             expected_rate_hz=None if session is None else session.expected_rate_hz,
             overflow_chunks=self._reader.overflow_chunks,
         )
+
+    def lasted_ns(self, until_ns: int | None = None) -> int | None:
+        """Return the time from the first sample, to the last one by default; None before it."""
+        until_ns = self._sample_ns if until_ns is None else until_ns
+        return None if self._first_sample_ns is None else until_ns - self._first_sample_ns
 
     def start(self) -> None:
         """Start to read."""
@@ -96,29 +90,40 @@ class Conversation:
         """Return what was read since the last call; wait for it at most ``timeout_s``."""
         return self._reader.take(timeout_s)
 
-    def process(self, update: TrialUpdate, chunk: AnyChunk) -> list[RoundTrip]:
-        """Process what a chunk contained; return the answers to TIME_REQUEST in it."""
-        if self._session is None:
-            return []
-        self._session.feed(update.items, len(chunk.data), chunk.host_time_ns)
-        return self._session.take_round_trips()
+    def hear(self, chunk: AnyChunk) -> float | None:
+        """Note that a chunk was received.
 
-    def doubt(self, problems: Iterable[str], ask: bool) -> None:
-        """Ask an object whose clock jumps who it is (``ask``); give up where two send at once (``problems``)."""
-        session = self._session
-        if session is None:
-            return
-        if ask:
-            session.ask_who(self._now_ns())
-        for problem in problems:
-            session.error = session.error or WrongObjectError(
-                problem, "leave one object on the line; on CAN, give each a node id of its own"
-            )
+        Where it marks that the link was lost and is open again, ask again who is there, and return for how long nothing
+        came, s; None elsewhere.
+        """
+        before_ns, self.chunk_ns = self.chunk_ns, chunk.host_time_ns
+        self.n_chunks += 1
+        if chunk.data:
+            return None
+        self._quiet_since_ns = chunk.host_time_ns
+        if self._session is not None:
+            self._session.reopened(chunk.host_time_ns)
+        return (chunk.host_time_ns - before_ns) / 1e9
+
+    def process(self, chunk: AnyChunk, update: TrialUpdate, trial: Trial) -> None:
+        """Process what the trial found in a chunk; give the trial the answers to TIME_REQUEST in it."""
+        at_ns, session = chunk.host_time_ns, self._session
+        if session is not None:
+            session.feed(update.items, len(chunk.data), at_ns)
+            trial.feed_round_trips(session.take_round_trips())
+            if trial.assembler.doubtful:  # its clock jumps: it may be another object
+                session.ask_who(self._now_ns())
+            for problem in trial.problems:  # two send at once
+                remedy = "leave one object on the line; on CAN, give each a node id of its own"
+                session.error = session.error or WrongObjectError(problem, remedy)
+        if update.decoded:
+            self._sample_ns = self._quiet_since_ns = at_ns
+            self._first_sample_ns = at_ns if self._first_sample_ns is None else self._first_sample_ns
 
     def send_due(self) -> None:
         """Send what is due; nobody hears it while the link is away."""
         session = self._session
-        if session is None or not self.connected:
+        if session is None or not self._connected:
             return
         for data in session.due(self._now_ns()):
             try:
@@ -133,10 +138,31 @@ class Conversation:
         if self._session is not None:
             self._session.mark(number)
 
-    def reopened(self, now_ns: int) -> None:
-        """Ask again who is there: the link was lost and opened again."""
-        if self._session is not None:
-            self._session.reopened(now_ns)
+    def ending(self) -> Ending | None:
+        """Return why link or object cannot go on; None while they do."""
+        error = self._reader.error
+        if self._reader.ended:
+            return "the recording is over" if error is None else "the link was lost", error
+        error = None if self._session is None else self._session.error
+        if error is None:
+            return None
+        if self._first_sample_ns is None:
+            return "the object cannot be captured", error
+        return "another object answers" if isinstance(error, WrongObjectError) else "the link was lost", error
+
+    def silence(self) -> Ending | None:
+        """Return the end by an object that has sent nothing for too long; None before that.
+
+        A recording ends by itself, whatever pauses it has; a link that is away has its own limit.
+        """
+        may_be_silent = self._session is None or not self._connected
+        if may_be_silent or self._now_ns() - self._quiet_since_ns < self._silence_limit_s * 1e9:
+            return None
+        before = "what came before is recorded" if self._first_sample_ns is not None else "nothing came at all"
+        return "the object fell silent", LinkError(
+            f"the object has sent no samples for {self._silence_limit_s:.0f} s",
+            f"check its battery and cable; {before}",
+        )
 
     def say_goodbye(self) -> None:
         """Ask the object to stop."""
@@ -145,11 +171,16 @@ class Conversation:
 
     @property
     def is_over(self) -> bool:
-        """Whether the object has stopped, or cannot answer any more."""
-        over = self._session is None or self._session.phase is Phase.STOPPED
-        return over or self.ended or not self.connected
+        """Whether the object has stopped, or cannot be heard any more."""
+        stopped = self._session is None or self._session.phase is Phase.STOPPED
+        return stopped or self._reader.ended or not self._connected
 
     def close(self) -> list[AnyChunk]:
         """Close the link; return what was still to be received."""
         self._reader.stop()
         return self._reader.take(0)
+
+    @property
+    def _connected(self) -> bool:
+        """Whether the link is there; one that cannot be lost and come back always is."""
+        return bool(getattr(self._transport, "connected", True))

@@ -19,7 +19,7 @@ Lines = list[Text]
 
 
 def fitted(line: Text, width: int, theme: Theme) -> Text:
-    """Cut or pad a line to a width; what is cut ends in an ellipsis (ASCII: ``~``)."""
+    """Return a line cut or padded to a width; what is cut ends in an ellipsis (ASCII: ``~``)."""
     missing = width - line.cell_len
     if missing < 0:
         line = line.copy()
@@ -36,7 +36,7 @@ def fitted(line: Text, width: int, theme: Theme) -> Text:
 
 
 def end_of(words: str, width: int, theme: Theme) -> str:
-    """Shorten a text at its begin, as is right for paths, URIs, and what is being typed."""
+    """Return a text without its start where it is too long, as is right for paths, URIs, and what is being typed."""
     words, cut = theme.words(words), theme.words("…")
     if cell_len(words) <= width:
         return words
@@ -46,7 +46,7 @@ def end_of(words: str, width: int, theme: Theme) -> str:
 
 
 def block(lines: Lines, width: int, height: int, theme: Theme) -> Lines:
-    """Cut or fill lines to a rectangle."""
+    """Return lines cut or filled to a rectangle."""
     lines = lines[:height]
     return [fitted(line, width, theme) for line in lines] + [Text(" " * width, end="")] * (height - len(lines))
 
@@ -61,7 +61,7 @@ def framed(
     right_title: str = "",
     foot: Text | None = None,
 ) -> Lines:
-    """Draw a frame around lines; width and height are those of the frame.
+    """Return lines with a frame around them; width and height are those of the frame.
 
     A title at the right is left out where there is no room for both; ``foot`` stands in the lower edge.
     """
@@ -93,24 +93,21 @@ def _title(words: str, width: int, theme: Theme) -> Text:
 
 
 def beside(*parts: Lines) -> Lines:
-    """Put rectangles of equal height side by side."""
+    """Return rectangles of equal height side by side."""
     return [Text.assemble(*row, end="") for row in zip(*parts, strict=True)]
 
 
 Drawing = Callable[[TrialState, Theme, int, int], Lines]
+"""Most drawings take the moment, colours and characters, and the width and height of the rectangle that they fill."""
 _Key = tuple[Quaternion | None, bool, bool, Theme, int, int]
 KEPT = 16
 """Drawings remembered of each kind: enough for several objects."""
 
 
 def once_a_cycle(drawing: Drawing) -> Drawing:
-    """Remember what a drawing of cycles gave; the result is the same, only sooner.
+    """Return a drawing that remembers what it drew until a cycle changes it.
 
-    Parameters
-    ----------
-    drawing : callable
-        Of state, theme, width and height. Of the state it may look at the cycles, the origin, and whether there is data
-        and movement at all.
+    Of the state, the drawing may depend on the cycles, the origin, and whether there is data and movement at all.
     """
     kept: deque[tuple[tuple[CycleRow, ...], _Key, Lines]] = deque(maxlen=KEPT)
 

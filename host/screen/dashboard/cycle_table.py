@@ -40,17 +40,7 @@ class _Columns:
 
 @once_a_cycle
 def cycle_table(state: TrialState, theme: Theme, width: int, height: int) -> Lines:
-    """Draw the newest cycles that fit.
-
-    Parameters
-    ----------
-    state : TrialState
-        The moment.
-    theme : Theme
-        Colours and characters.
-    width, height : int
-        Of the rectangle, heading included.
-    """
+    """Draw the newest cycles that fit, below a heading."""
     columns = _Columns.that_fit(width)
     head = f"{'cycle':>6}{'time':>10}{'period':>9}{'step deg' if theme.ascii_only else 'step':>9} {'':{columns.bar}}"
     if columns.theta:
@@ -114,21 +104,7 @@ MAX_OBJECTS = 16
 
 
 def object_rows(states: tuple[TrialState, ...], focus: int, theme: Theme, width: int, height: int) -> Lines:
-    """Draw a line per object; nothing where there is only one.
-
-    Parameters
-    ----------
-    states : tuple of TrialState
-        One per object.
-    focus : int
-        Which of them is shown whole.
-    theme : Theme
-        Colours and characters.
-    width : int
-        Of the line: what does not fit is left out.
-    height : int
-        How many lines there may be; the one in focus is among them.
-    """
+    """Draw a line per object, at most ``height``, the one in focus among them; nothing where there is only one."""
     if len(states) < 2:
         return []
     room = max(1, min(height, MAX_OBJECTS, len(states)))

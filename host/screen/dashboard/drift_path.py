@@ -56,19 +56,7 @@ def small_path(state: TrialState, theme: Theme, width: int, height: int) -> Line
 
 
 def path_plot(state: TrialState, theme: Theme, width: int, height: int, labels: bool = True) -> Lines:
-    """Plot the rotation since the first end point over the cycles.
-
-    Parameters
-    ----------
-    state : TrialState
-        The moment.
-    theme : Theme
-        Colours and characters.
-    width, height : int
-        Of the rectangle.
-    labels : bool
-        Whether to write the scale at the left and the cycles below.
-    """
+    """Plot the rotation since the first end point over the cycles, with ``labels`` at the left and below."""
     numbers, turns = _turns(state)
     if len(numbers) < 2:
         return block([theme.text("no steps yet", "quiet")] if labels else [], width, height, theme)

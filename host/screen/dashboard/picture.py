@@ -20,7 +20,7 @@ __all__ = ["Theme", "View", "picture"]
 
 WIDE, TALL = 100, 28
 """From this size on the drift path and the sphere have panels of their own."""
-MIN_TABLE = 3
+MIN_TABLE, MIN_PANEL = 3, 6
 HELP_LINES = 18
 MIN_PLOT, MAX_PLOT = 30, 72
 """Width of the right column, cells."""
@@ -67,25 +67,12 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
 def _wide_middle(state: TrialState, theme: Theme, width: int, height: int) -> Lines:
     right = min(MAX_PLOT, max(MIN_PLOT, width * 9 // 20 - 15))
     table = cycle_table(state, theme, width - right - 1, height)
-    path_height = max(6, height * 2 // 5)
-    sphere_height = height - path_height
-    path = framed(
-        path_plot(state, theme, right - 4, path_height - 2),
-        "rotation since the start",
-        right,
-        path_height,
-        theme,
-    )
-    if sphere_height < 6:
-        path = framed(path_plot(state, theme, right - 4, height - 2), "rotation since the start", right, height, theme)
-        sphere: Lines = []
-    else:
-        sphere = framed(
-            sphere_plot(state, theme, right - 4, sphere_height - 2),
-            "where the axes went",
-            right,
-            sphere_height,
-            theme,
-        )
-    gap = block([], 1, height, theme)
-    return beside(table, gap, [*path, *sphere])
+    path_height = max(MIN_PANEL, height * 2 // 5)
+    if height - path_height < MIN_PANEL:
+        path_height = height
+    path = path_plot(state, theme, right - 4, path_height - 2)
+    plots = framed(path, "rotation since the start", right, path_height, theme)
+    if path_height < height:
+        sphere = sphere_plot(state, theme, right - 4, height - path_height - 2)
+        plots += framed(sphere, "where the axes went", right, height - path_height, theme)
+    return beside(table, block([], 1, height, theme), plots)

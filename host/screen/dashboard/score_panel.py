@@ -22,19 +22,7 @@ MIN_PATH, MAX_PATH = 7, 28
 
 
 def score_panel(state: TrialState, theme: Theme, width: int, with_path: bool) -> Lines:
-    """Draw the score.
-
-    Parameters
-    ----------
-    state : TrialState
-        The moment.
-    theme : Theme
-        Colours and characters.
-    width : int
-        Of the frame; the height is :data:`HEIGHT`.
-    with_path : bool
-        Whether to draw the drift path at the right, where there is room.
-    """
+    """Draw the score, :data:`HEIGHT` lines; ``with_path`` with the drift path at the right, where there is room."""
     score = state.score
     number = "-.--" if score.theta_bar_deg is None else f"{score.theta_bar_deg:.2f}"
     style = theme.styles["good" if score.finished else "number"]
