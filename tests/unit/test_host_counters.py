@@ -23,6 +23,7 @@ ORDINARY = {
     *("extended", "foreign_frames", "host_frames", "other_node_frames"),
 }
 """Counters that a good link has too, and a bus with other devices on it: not shown."""
+JUDGED_BY_THE_LEDGER = {"samples_lost", "reordered", "sequence_restarts", "duplicates", "sequence_gaps"}
 IN_LOSSES = {"crc_errors", "malformed"}
 SAMPLE = encode_packet(Orientation(1, 2, (1.0, 0.0, 0.0, 0.0)))
 INFO = encode_packet(Info(device_id=1, boot_id=2))
@@ -53,8 +54,8 @@ def lines_of(stream, link=LinkView("can:x")):  # noqa: B008 - frozen
     return f"{lines['link']} {lines['losses']}"
 
 
-def frame(function, data, flags=FrameFlag(0), **more):
-    return CanFrame(arbitration_id(function, NODE), data, flags, **more)
+def frame(function, data, **more):
+    return CanFrame(arbitration_id(function, NODE), data, **more)
 
 
 def traffic(**info):
@@ -79,21 +80,19 @@ def two_with_one_id():
     return sorted(both, key=lambda frame: frame.host_time_ns)
 
 
-FIRST, WRONG_NEXT = b"\x10\x14ABCDEF", b"\x29GHIJKLM"
+OUT_OF_TURN = [frame(CanFunction.LONG_FROM_OBJECT, data) for data in (b"\x10\x14ABCDEF", b"\x29GHIJKLM")]
 SHOWN = {
     "cobs_errors": lambda: of_bytes(b"\x05\x01\x00"),
     "oversize": lambda: of_bytes(b"\x01" * 5000 + b"\x00"),
     "unsupported_versions": lambda: of_bytes(encode_frame(INFO[:1] + b"\x09" + INFO[2:])),
     "unknown_types": lambda: of_bytes(encode_frame(b"\x7e\x01\x02")),
     "error_frames": lambda: of_frames([CanFrame(0x04, bytes(8), FrameFlag.ERROR)]),
-    "remote_frames": lambda: of_frames([frame(CanFunction.ORIENTATION, b"", FrameFlag.REMOTE, remote_length=8)]),
+    "remote_frames": lambda: of_frames([frame(CanFunction.ORIENTATION, b"", flags=FrameFlag.REMOTE, remote_length=8)]),
     "wrong_lengths": lambda: of_frames([frame(CanFunction.ORIENTATION, bytes(7))]),
     "damaged_batches": lambda: shown([FrameChunk(b"XX", MS)]),
-    "long_packet_errors": lambda: of_frames(
-        [frame(CanFunction.LONG_FROM_OBJECT, data) for data in (FIRST, WRONG_NEXT)]
-    ),
+    "long_packet_errors": lambda: of_frames(OUT_OF_TURN),
     "unnumbered": lambda: of_frames([frame for frame in traffic() if is_sample(frame)]),
-    "misnumbered": lambda: of_frames(misnumbered(), 7),
+    "misnumbered": lambda: of_frames(misnumbered(), 20),
     "refused": lambda: of_frames(two_with_one_id()),
 }
 
@@ -118,4 +117,4 @@ def test_every_counter_is_shown_or_ordinary():
     viewed = {field.name for field in dataclasses.fields(CounterView)}
     assert viewed == set(COUNTERS) | IN_LOSSES
     assert set(SHOWN) == set(COUNTERS)
-    assert counters == viewed | ORDINARY
+    assert counters - JUDGED_BY_THE_LEDGER == viewed | ORDINARY
