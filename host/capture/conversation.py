@@ -106,7 +106,7 @@ class Conversation:
         return (chunk.host_time_ns - before_ns) / 1e9
 
     def process(self, chunk: AnyChunk, update: TrialUpdate, trial: Trial) -> None:
-        """Process what the trial found in a chunk; give the trial the answers to TIME_REQUEST in it."""
+        """Process what the trial found in a chunk; pass the answers to TIME_REQUEST in it to the trial."""
         at_ns, session = chunk.host_time_ns, self._session
         if session is not None:
             session.feed(update.items, len(chunk.data), at_ns)

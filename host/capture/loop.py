@@ -46,7 +46,7 @@ class CaptureOutcome:
     n_chunks: int
     """Chunks received; 0 means that there is nothing to score."""
     unwritten: bytes
-    """Records the disk did not take; they continue the recording."""
+    """Records that did not get to the disk; they continue the recording."""
     elapsed_s: float
     """From the first sample to the end."""
     clock: dict[str, Any] | None = None

@@ -11,7 +11,7 @@ from host.screen.screens import Screen
 from host.trial.state import RecordingView
 
 DISK_NS = 2_000_000_000
-"""Between two looks at the room on the disk."""
+"""Between two measurements of the room on the disk."""
 
 
 class Notes:

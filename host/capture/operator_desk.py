@@ -57,12 +57,10 @@ class OperatorDesk:
         elif action.kind == "note":
             self._add_mark(did.NOTE, action.text)
         elif action.kind == "window":
-            window = score.window
-            starts = window is None or window.to_s is not None
-            score.set_window(
-                WindowView(now_s, None) if starts else WindowView(window.from_s if window else None, now_s)
-            )
-            self._record(OperatorAction(did.WINDOW_START if starts else did.WINDOW_STOP, now_s))
+            is_open = score.window is not None and score.window.to_s is None
+            kind = did.WINDOW_STOP if is_open else did.WINDOW_START
+            self._set_window(kind, now_s)
+            self._record(OperatorAction(kind, now_s))
         elif action.kind == "exclude" and action.cycle is not None:
             self._record_cycle(did.EXCLUDE, score.leave_out(action.cycle, action.text), action.text)
         elif action.kind == "include" and action.cycle is not None:
@@ -74,10 +72,8 @@ class OperatorDesk:
     def repeat(self, action: OperatorAction) -> None:
         """Do again what a recorded capture's operator did: for the replay."""
         score = self._trial.score
-        if action.kind == did.WINDOW_START:
-            score.set_window(WindowView(action.time_s, None))
-        elif action.kind == did.WINDOW_STOP:
-            score.set_window(WindowView(None if score.window is None else score.window.from_s, action.time_s))
+        if action.kind in {did.WINDOW_START, did.WINDOW_STOP}:
+            self._set_window(action.kind, action.time_s)
         elif action.kind in {did.EXCLUDE, did.INCLUDE}:
             number = score.number_at(action.from_s, action.to_s)
             if number is not None and action.kind == did.EXCLUDE:
@@ -86,6 +82,13 @@ class OperatorDesk:
                 score.take_back(number)
         elif action.kind in {did.MARKER, did.NOTE}:
             self._marks.append(OperatorMark(action.time_s, action.text))
+
+    def _set_window(self, kind: str, time_s: float) -> None:
+        score = self._trial.score
+        if kind == did.WINDOW_START:
+            score.set_window(WindowView(time_s, None))
+        else:
+            score.set_window(WindowView(None if score.window is None else score.window.from_s, time_s))
 
     def _add_mark(self, kind: str, text: str) -> None:
         now_s = self._trial.newest_s

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import TimeReply
@@ -16,7 +17,7 @@ from host.capture.snapshot import Snapshots
 from host.links.transport import AnyChunk, LinkEnd, Transport
 from host.recording import format as fmt
 from host.recording.arrivals import RecordedRoundTrips
-from host.recording.reader import RecordingReader
+from host.recording.reader import RecordedMessage, RecordingReader
 from host.screen.screens import Screen
 from host.stream.session import RoundTrip
 from host.trial.live import Trial
@@ -24,6 +25,7 @@ from host.trial.operator import OperatorAction, action_of
 from host.trial.state import LinkView, RecordingView, TrialState
 
 READ_S = 0.05
+T = TypeVar("T")
 
 
 def recorded_actions(path: Path) -> list[OperatorAction]:
@@ -34,11 +36,7 @@ def recorded_actions(path: Path) -> list[OperatorAction]:
     FileError
         Not a recording.
     """
-    actions = []
-    for message in RecordingReader(path).messages({fmt.ACTION}):
-        with contextlib.suppress(ValueError, KeyError):  # damage is reported when the recording is scored
-            actions.append(action_of(message.values()))
-    return actions
+    return _read(path, fmt.ACTION, lambda message: action_of(message.values()))
 
 
 def recorded_commands(path: Path) -> list[AnyChunk]:
@@ -49,11 +47,15 @@ def recorded_commands(path: Path) -> list[AnyChunk]:
     FileError
         Not a recording.
     """
-    sent = []
-    for message in RecordingReader(path).messages({fmt.SENT}):
-        with contextlib.suppress(ValueError, KeyError):
-            sent.append(fmt.decode_raw(message.data, fmt.SENT))
-    return sent
+    return _read(path, fmt.SENT, lambda message: fmt.decode_raw(message.data, fmt.SENT))
+
+
+def _read(path: Path, topic: str, parse: Callable[[RecordedMessage], T]) -> list[T]:
+    parsed = []
+    for message in RecordingReader(path).messages({topic}):
+        with contextlib.suppress(ValueError, KeyError):  # damage is reported when the recording is scored
+            parsed.append(parse(message))
+    return parsed
 
 
 def play(

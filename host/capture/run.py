@@ -40,16 +40,16 @@ class FinishedCapture:
     trial: RecordedTrial
     recording: Path
     result: Path
-    """Where the result was to be written; the disk may not have taken it."""
+    """Where the result was to be written; the disk may be full."""
 
     def places(self) -> str:
-        """Say where the files are, a line each."""
+        """Return where the files are, a line each."""
         result = f"result     {self.result}\n" if self.result.exists() else ""
         return f"recording  {self.recording}\n{result}"
 
 
 def default_recording(now: datetime, folder: Path = DEFAULT_FOLDER) -> Path:
-    """Choose a name that does not exist yet: the date and time of the start."""
+    """Return a name that does not exist yet: the date and time of the start."""
     # Milliseconds, because two captures may well be started in the same second.
     stem = f"{now:%Y-%m-%d_%H-%M-%S}-{now.microsecond // 1000:03d}"
     for number in range(1, 1000):
@@ -204,7 +204,7 @@ def _finish(
 
 def _load_slow_modules() -> None:
     """Import beside the capture what would otherwise be imported in the middle of it, and stall it for a second."""
-    # What does not load here is told where it is needed.
+    # What does not load here is reported where it is needed.
     with contextlib.suppress(ImportError, AttributeError):
         for name in ("scipy.ndimage", "scipy.stats"):
             importlib.import_module(name)

@@ -1,4 +1,4 @@
-"""The state of a trial at one moment: put together here and nowhere else, live and replayed alike."""
+"""The state of a trial at one moment: put together here and nowhere else, live and in a replay."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class LiveScreen(Screen):
                 number = getattr(signal, name, None)
                 if number is not None:
                     self._handlers[number] = signal.signal(number, signal.SIG_IGN)
-        descriptor = os.dup(self._stream.fileno())  # a number that is not taken by a pipe over there
+        descriptor = os.dup(self._stream.fileno())  # a number that no pipe has over there
         extra: dict[str, Any] = {} if sys.platform == "win32" else {"pass_fds": (descriptor,)}
         process = subprocess.Popen(  # noqa: S603 - our own program
             command_line(descriptor, self._theme),
@@ -128,7 +128,7 @@ class LiveScreen(Screen):
             if process.returncode != 0:
                 self._rescue()
             if self._terminal is not None:
-                self._terminal.give_back()
+                self._terminal.release()
             for pipe in (process.stdin, process.stdout):
                 with contextlib.suppress(OSError):
                     pipe.close()  # type: ignore[union-attr]
@@ -142,7 +142,7 @@ class LiveScreen(Screen):
             self._stream.flush()
 
     def _failed(self) -> bool:
-        """Whether the screen process has ended by itself; then the terminal is taken back once, and lines go on."""
+        """Whether the screen process has ended by itself; then the terminal is restored once, and lines go on."""
         process = self._process
         if process is None or process.poll() is None:
             return False
@@ -151,7 +151,7 @@ class LiveScreen(Screen):
         return True
 
     def _rescue(self) -> bool:
-        """Restore the terminal that the process has left taken; return whether it was the first time."""
+        """Restore the terminal that the process has left acquired; return whether it was the first time."""
         first, self._rescued = not self._rescued, True
         if first and self._terminal is not None:
             self._terminal.rescue()

@@ -1,4 +1,4 @@
-"""Pictures as what a terminal is sent: the lines that changed, in its colours, and never more than it takes."""
+"""Pictures as what a terminal is sent: the lines that changed, in its colours, and never more than it accepts."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from host.screen.dashboard.theme import Theme
 from host.screen.terminal import CLEAR, ENTER, LEAVE, Terminal
 
 LEAVE_S = 1.0
-"""How long to wait at the end for a terminal that takes nothing."""
+"""How long to wait at the end for a terminal that accepts nothing."""
 ASIDE = "\r\nThe capture goes on. Press any key to come back to its screen; q there ends it.\r\n"
 _COLORS = {"standard": ColorSystem.STANDARD, "256": ColorSystem.EIGHT_BIT, "truecolor": ColorSystem.TRUECOLOR}
 
 
 class Painter:
-    """Paints on a terminal that may take nothing, be resized, or be given to a shell between two pictures.
+    """Paints on a terminal that may accept nothing, be resized, or be given to a shell between two pictures.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Painter:
         self._afresh = True
 
     def flush(self) -> bool:
-        """Write what the terminal takes now of what is unsent; return whether it was all."""
+        """Write what the terminal accepts now of what is unsent; return whether it was all."""
         while self._unsent:
             written = self._terminal.write(self._unsent)
             if not written:
@@ -82,7 +82,7 @@ class Painter:
             self._afresh = True
             return
         if afresh:
-            self._terminal.take()
+            self._terminal.acquire()
         start = ENTER if afresh else CLEAR if resized else ""
         self._lines, self._size = coded, size
         self._unsent = (start + changed + "\a" * bell).encode(self._encoding, "replace")
@@ -96,7 +96,7 @@ class Painter:
             self.flush()
 
     def leave(self, last_words: str) -> None:
-        """Leave the screen; a terminal that takes nothing gets a second to change its mind."""
+        """Leave the screen; a terminal that accepts nothing gets a second."""
         self._unsent += ("" if self._aside else LEAVE).encode() + last_words.encode()
         end_s = time.monotonic() + LEAVE_S
         while not self.flush() and time.monotonic() < end_s:

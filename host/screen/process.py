@@ -1,6 +1,6 @@
 """The process that draws: ``python -m host.screen.process``, started by :class:`host.screen.live_screen.LiveScreen`.
 
-A process of its own, so that drawing never holds Python's lock while the capture reads, and a terminal that takes
+A process of its own, so that drawing never holds Python's lock while the capture reads, and a terminal that accepts
 nothing (a slow ssh) stops nobody but this process. When the capture ends or dies, it releases the terminal.
 """
 
@@ -64,7 +64,7 @@ class ScreenProcess:
         self._bell = False
 
     def run(self) -> None:
-        """Draw until the capture says stop or is gone."""
+        """Draw until the capture ends or is gone."""
         for work in (self._receive, self._read_keys):
             threading.Thread(target=work, daemon=True).start()
         try:
@@ -101,7 +101,7 @@ class ScreenProcess:
                 self._draw()
 
     def _draw(self) -> None:
-        """Paint the newest states, unless the terminal has not taken the last picture yet."""
+        """Paint the newest states, unless the last picture has not reached the terminal yet."""
         if not self._painter.flush():
             return
         if self._keys.aside:
@@ -159,7 +159,7 @@ def main() -> None:
             os.nice(NICE)
     terminal = Terminal(descriptor)
     try:
-        terminal.take()
+        terminal.acquire()
         process = ScreenProcess(terminal, theme, sys.stdin.buffer, sys.stdout.buffer)
         for name in ("SIGCONT", "SIGWINCH"):
             number = getattr(signal, name, None)
@@ -167,7 +167,7 @@ def main() -> None:
                 signal.signal(number, lambda *_: process.wake())
         process.run()
     finally:
-        terminal.give_back()
+        terminal.release()
     sys.stdout.flush()
     os._exit(0)  # threads that wait for keys or frames have nothing left to do
 

@@ -1,4 +1,4 @@
-"""The terminal itself: taken, written to without ever waiting for long, read key by key, and always given back.
+"""The terminal itself: acquired, written to without ever waiting for long, read key by key, and always released.
 
 POSIX
     The terminal is opened a second time, so that making *our* end non-blocking does not change the shell's. Control-Z
@@ -45,7 +45,7 @@ if sys.platform == "win32":
             ctypes.windll.kernel32.GetConsoleMode(self._handle, ctypes.byref(mode))
             self._before = mode.value
 
-        def take(self) -> None:
+        def acquire(self) -> None:
             """Have escape sequences understood."""
             ctypes.windll.kernel32.SetConsoleMode(self._handle, self._before | 0x0004)
 
@@ -78,7 +78,7 @@ if sys.platform == "win32":
             # What is not in the first 65,536 characters comes in two halves.
             return keys.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
-        def give_back(self) -> None:
+        def release(self) -> None:
             """Restore the console."""
             ctypes.windll.kernel32.SetConsoleMode(self._handle, self._before)
             self._out.close()
@@ -94,7 +94,7 @@ else:
 
     @contextlib.contextmanager
     def _translated() -> Iterator[None]:
-        """Raise :class:`TerminalLostError` for what the system says of a terminal that is gone."""
+        """Raise :class:`TerminalLostError` for what the system raises where a terminal is gone."""
         try:
             yield
         except (OSError, termios.error) as error:
@@ -111,7 +111,7 @@ else:
         Raises
         ------
         TerminalLostError
-            By every method but :meth:`give_back` and :meth:`rescue`: it is gone.
+            By every method but :meth:`release` and :meth:`rescue`: it is gone.
         """
 
         def __init__(self, descriptor: int) -> None:
@@ -126,7 +126,7 @@ else:
             self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
 
         @_translated()
-        def take(self) -> None:
+        def acquire(self) -> None:
             """Have keys come one by one, without echo; to be called again after the process was stopped."""
             mode = termios.tcgetattr(self._fd)
             mode[0] &= ~(termios.IXON | termios.ICRNL)
@@ -150,7 +150,7 @@ else:
 
         @_translated()
         def write(self, data: bytes) -> int:
-            """Write what the terminal takes now; return how much that is."""
+            """Write what the terminal accepts now; return how much that is."""
             try:
                 return os.write(self._fd, data[:MAX_PIECE])
             except BlockingIOError:
@@ -173,7 +173,7 @@ else:
                 raise TerminalLostError("end of file")
             return self._decoder.decode(data)
 
-        def give_back(self) -> None:
+        def release(self) -> None:
             """Restore the modes found at the start, unless a shell has set its own already; never waits."""
             with contextlib.suppress(termios.error, OSError, TerminalLostError):
                 before = None if self._ours is None else self._before
@@ -182,7 +182,7 @@ else:
             os.close(self._fd)
 
         def rescue(self) -> None:
-            """Restore what another process of ours has left taken, unless a shell has the terminal; never waits."""
+            """Restore what another process of ours has left acquired, unless a shell has the terminal; never waits."""
             with contextlib.suppress(termios.error, OSError, TerminalLostError):
                 if self._before is not None and self.in_foreground():
                     termios.tcsetattr(self._fd, termios.TCSANOW, self._before)
@@ -198,4 +198,4 @@ def in_foreground(descriptor: int) -> bool:
     except TerminalLostError:
         return False
     finally:
-        terminal.give_back()
+        terminal.release()

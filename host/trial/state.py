@@ -49,7 +49,7 @@ class WindowView:
     """The trial window that the operator set; without one everything counts."""
 
     from_s: float | None = None
-    """Its begin, s since the first sample; None: open."""
+    """Its start, s since the first sample; None: open."""
     to_s: float | None = None
     """Its end; None: open."""
 
@@ -192,7 +192,7 @@ class SensorView:
     heading_deg_per_min: float | None = None
     """The sensor's own drift, from its static baseline; None without one."""
     floor_deg: float | None = None
-    """Smallest drift per cycle that can be told from a resting object's, from the baseline; None without one."""
+    """Smallest drift per cycle that differs from a resting object's, from the baseline; None without one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +208,7 @@ class MotionView:
     cycle_phase: float | None = None
     """0 at the last end point, 1 where the next is due; None before the first."""
     flags: tuple[str, ...] = ()
-    """What to look at now: gap, axis ambiguous, noisy, pause."""
+    """What is odd now: gap, axis ambiguous, noisy, pause."""
     turn_rate_dps: float | None = None
     """How fast the object turns, mean over the last half second, deg/s; None before the first sample."""
     peak_rate_dps: float | None = None

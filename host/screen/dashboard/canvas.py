@@ -70,7 +70,7 @@ class Canvas:
             self._styles[place] = self._theme.styles[meaning]
 
     def lines(self) -> list[Text]:
-        """Give the picture, a text per row of cells."""
+        """Return the picture, a text per row of cells."""
         return [self._row(row) for row in range(self.cells_high)]
 
     def _cell(self, x: float, y: float) -> tuple[int, int] | None:

@@ -1,4 +1,4 @@
-"""θ̄ in large figures, its interval, a small drift path, and below them the verdicts: what a glance must tell."""
+"""θ̄ in large figures, its interval, a small drift path, and below them the verdicts: what a glance must show."""
 
 from __future__ import annotations
 

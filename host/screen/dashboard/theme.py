@@ -1,4 +1,4 @@
-"""How the dashboard looks: colours for dark and light terminals, characters for those that have only ASCII.
+"""What the dashboard is drawn in: colours for dark and light terminals, characters for those that have only ASCII.
 
 Colour is never the only carrier of a meaning: what is doubtful or bad is also a word or a sign.
 """
@@ -34,26 +34,10 @@ _LIGHT = _DARK | {
     "frame": "grey58",
     "z": "blue",
 }
-_ASCII = str.maketrans(
-    {
-        "θ": "theta",
-        "\u0304": "",  # the bar over it
-        "°": "deg",
-        "·": "|",
-        "…": "...",
-        "±": "+-",
-        "−": "-",
-        "━": "=",
-        "─": "-",
-        "│": "|",
-        "×": "x",
-        "≤": "<=",
-        "≥": ">=",
-        "→": "->",
-        "✓": "+",
-    }
+_ASCII = str.maketrans("·−━─│×✓", "|-=-|x+") | str.maketrans(
+    {"θ": "theta", "\u0304": "", "°": "deg", "…": "...", "±": "+-", "≤": "<=", "≥": ">=", "→": "->"}
 )
-
+"""Characters of texts -> those of ASCII; U+0304 is the bar over θ."""
 
 Part = str | tuple[str, str]
 """A text, or a text and its meaning."""
