@@ -26,6 +26,8 @@ class Conversation:
         Open; closed by the reading thread.
     recording : RecordingWriter
         Gets everything that is sent.
+    trial : Trial
+        Gets the answers to TIME_REQUEST.
     settings : CaptureSettings
         How to talk, and how long to wait.
     now_ns : callable
@@ -33,10 +35,16 @@ class Conversation:
     """
 
     def __init__(
-        self, transport: Transport, recording: RecordingWriter, settings: CaptureSettings, now_ns: Callable[[], int]
+        self,
+        transport: Transport,
+        recording: RecordingWriter,
+        trial: Trial,
+        settings: CaptureSettings,
+        now_ns: Callable[[], int],
     ) -> None:
         self._transport = transport
         self._recording = recording
+        self._trial = trial
         self._now_ns = now_ns
         self._silence_limit_s = settings.silence_limit_s
         live = transport.is_live
@@ -105,9 +113,9 @@ class Conversation:
             self._session.reopened(chunk.host_time_ns)
         return (chunk.host_time_ns - before_ns) / 1e9
 
-    def process(self, chunk: AnyChunk, update: TrialUpdate, trial: Trial) -> None:
-        """Process what the trial found in a chunk; pass the answers to TIME_REQUEST in it to the trial."""
-        at_ns, session = chunk.host_time_ns, self._session
+    def process(self, chunk: AnyChunk, update: TrialUpdate) -> None:
+        """Process what the trial found in a chunk."""
+        at_ns, session, trial = chunk.host_time_ns, self._session, self._trial
         if session is not None:
             session.feed(update.items, len(chunk.data), at_ns)
             trial.feed_round_trips(session.take_round_trips())

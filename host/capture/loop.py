@@ -91,7 +91,7 @@ class Capture:
         self._screen = screen
         self._stop = stop
         self._now_ns = now_ns
-        self._link = Conversation(transport, recording, settings, now_ns)
+        self._link = Conversation(transport, recording, trial, settings, now_ns)
         self._notes = Notes(recording, screen, now_ns)
         self._goal = Goal(settings, trial)
         self._desk = OperatorDesk(trial, self._add_action, self._link.mark)
@@ -161,7 +161,7 @@ class Capture:
         if away_s is not None:
             self._notes.warn(f"the link was lost and is open again; nothing came for {away_s:.1f} s")
         update = self._trial.feed(chunk)
-        self._link.process(chunk, update, self._trial)
+        self._link.process(chunk, update)
         self._record(update, chunk.host_time_ns)
 
     def _record(self, update: TrialUpdate, host_time_ns: int) -> None:
