@@ -132,12 +132,8 @@ def record(
 ) -> CaptureOutcome:
     """Capture one recording, without scoring it.
 
-    Parameters
-    ----------
-    link, recording_path, settings, screen, stop
-        As for :func:`run_capture`; the screen is started here, and is for the caller to stop.
-    baseline : StaticBaseline, optional
-        Of the sensor, for the floor that the live view shows.
+    The parameters are those of :func:`run_capture`; the screen is started here, and is for the caller to stop.
+    ``baseline`` is that of the sensor, for the floor that the live view shows.
 
     Raises
     ------

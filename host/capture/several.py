@@ -105,12 +105,14 @@ def capture_several(
         URIs; nodes of one CAN bus are links with different ``?node=``.
     recordings : sequence of Path
         One for each.
-    settings, options
+    settings : CaptureSettings
         For all of them.
     screen : Screen
         Started and stopped here.
     stop : threading.Event
         Ends them all.
+    options : ScoreOptions, optional
+        For all of them.
 
     Returns
     -------

@@ -59,12 +59,12 @@ def open_screen(json_output: bool, stream: TextIO | None = None, choice: ScreenC
 
 
 def _is_light(colorfgbg: str) -> bool:
-    """Whether ``foreground;background`` has a light background; terminals that set none are taken as dark."""
+    """Return whether ``foreground;background`` has a light background; without one, a terminal counts as dark."""
     return colorfgbg.rpartition(";")[2] in {"7", "15"}
 
 
 def _shows_ascii_only(environment: Mapping[str, str]) -> bool:
-    """Whether the terminal is Linux's bare console, whose font has no braille, or the locale is C.
+    """Return whether the terminal is Linux's bare console, whose font has no braille, or the locale is C.
 
     Python itself would use UTF-8 in the C locale.
     """
@@ -79,7 +79,7 @@ def _shows_ascii_only(environment: Mapping[str, str]) -> bool:
 
 
 def _can_show(characters: str, stream: TextIO) -> bool:
-    """Whether the encoding of a stream has some characters."""
+    """Return whether the encoding of a stream has some characters."""
     try:
         characters.encode(stream.encoding or "ascii")
     except (UnicodeEncodeError, LookupError):

@@ -142,7 +142,7 @@ class LiveScreen(Screen):
             self._stream.flush()
 
     def _failed(self) -> bool:
-        """Whether the screen process has ended by itself; then the terminal is restored once, and lines go on."""
+        """Return whether the screen process has ended by itself; then the terminal is restored, and lines go on."""
         process = self._process
         if process is None or process.poll() is None:
             return False

@@ -139,7 +139,7 @@ else:
 
         @_translated()
         def in_foreground(self) -> bool:
-            """Whether the terminal is ours to use: a shell that stopped the capture, or outlived it, has it back."""
+            """Return whether the terminal is ours: a shell that stopped the capture, or outlived it, has it back."""
             return os.tcgetpgrp(self._fd) == os.getpgrp()
 
         @_translated()
@@ -191,7 +191,7 @@ else:
 
 
 def in_foreground(descriptor: int) -> bool:
-    """Whether this program may use a terminal: it is not in the shell's background."""
+    """Return whether this program may use a terminal: it is not in the shell's background."""
     terminal = Terminal(descriptor)
     try:
         return terminal.in_foreground()
