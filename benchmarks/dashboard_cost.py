@@ -63,9 +63,9 @@ _COUNT = re.compile(rb"(\d+) cycles?(?:\x1b\[[\d;]*m)* \xc2\xb7")
 def run_one(link: str, folder: Path, seconds: float) -> None:
     """Be the capture: instrumented, in this process's terminal; figures go to a file."""
     from host.capture import run as capture_run
-    from host.capture.loop import CaptureSettings
+    from host.capture.settings import CaptureSettings
+    from host.screen.choice import open_screen
     from host.screen.live_screen import LiveScreen
-    from host.screen.screens import open_screen
     from host.trial.live import Trial
 
     delays: list[tuple[int, int]] = []
@@ -101,6 +101,7 @@ def run_one(link: str, folder: Path, seconds: float) -> None:
     screen.update = every_second_stretch
     capture_run.Trial = MeasuredTrial  # type: ignore[misc]
     capture_run.record(link, folder / "trial.mcap", CaptureSettings(duration_s=seconds), screen, threading.Event())
+    screen.stop()
     at_ns, delay_ns = np.array(delays, dtype=np.int64).T
     for stretch in stretches[:-1]:
         inside = (at_ns >= stretch["from_ns"] + SETTLE_NS) & (at_ns < stretch["end"]["ns"])

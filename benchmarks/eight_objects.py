@@ -16,7 +16,8 @@ from typing import Any
 from benchmarks.live import open_pty
 from benchmarks.measurement import GAIN, Topic, figure
 from benchmarks.native import NoCompilerError, build
-from host.capture.loop import STATE_NS, CaptureSettings
+from host.capture.loop import STATE_NS
+from host.capture.settings import CaptureSettings
 from host.capture.several import capture_several
 from host.screen.screens import QuietScreen
 from host.trial.state import TrialState
@@ -43,23 +44,23 @@ class _Watch(QuietScreen):
 
     def update(self, state: TrialState, index: int = 0) -> None:
         """Look whether there is more than before; say when all links are open."""
-        before = self.states.get(index, TrialState()).link.losses.received
+        before = self.states.get(index, TrialState()).stream.losses.received
         if len(self.states | {index: state}) == OBJECTS > len(self.states):
             print("ready", flush=True)
         self.states[index] = state
-        if state.link.losses.received > before:
+        if state.stream.losses.received > before:
             self.last = time.monotonic_ns(), time.process_time()
             if not self._first[0]:
                 self._first = self.last
 
     def figures(self) -> dict[str, Any]:
         """Give what came and what it took."""
-        links = [self.states[index].link for index in sorted(self.states)]
+        streams = [self.states[index].stream for index in sorted(self.states)]
         return {
-            "samples": [link.losses.received for link in links],
-            "lost": sum(link.losses.missing for link in links),
-            "errors": sum(link.crc_errors + link.malformed for link in links),
-            "overflows": sum(link.overflow_chunks for link in links),
+            "samples": [stream.losses.received for stream in streams],
+            "lost": sum(stream.losses.missing for stream in streams),
+            "errors": sum(stream.counters.crc_errors + stream.counters.malformed for stream in streams),
+            "overflows": sum(state.link.overflow_chunks for state in self.states.values()),
             "seconds": (self.last[0] - self._first[0]) / 1e9,
             "cpu": self.last[1] - self._first[1],
         }

@@ -23,7 +23,8 @@ from pathlib import Path
 from emulator.links.memory_link import MemoryLink
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
-from host.capture.loop import Capture, CaptureSettings
+from host.capture.loop import Capture
+from host.capture.settings import CaptureSettings
 from host.links.transport import Chunk, ClosingTransport, LinkEnd
 from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen

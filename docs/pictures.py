@@ -16,9 +16,9 @@ from rich._export_format import CONSOLE_SVG_FORMAT
 from rich.console import Console
 from rich.terminal_theme import MONOKAI
 
-from host.capture.loop import CaptureSettings
 from host.capture.run import DEFAULT_FOLDER, run_capture
-from host.screen.dashboard.picture import render
+from host.capture.settings import CaptureSettings
+from host.screen.dashboard.picture import View, picture
 from host.screen.screens import QuietScreen
 from host.trial.state import TrialState
 from host.virtual_object_process import VirtualObjectProcess
@@ -51,7 +51,7 @@ class KeepingScreen(QuietScreen):
 
     def update(self, state: TrialState, index: int = 0) -> None:  # noqa: ARG002 - one object only
         """Keep the state, as long as it is live."""
-        if not state.finished:
+        if not state.score.finished:
             self.state = state
 
 
@@ -65,13 +65,14 @@ def dashboard_picture(path: Path) -> None:
             recording = DEFAULT_FOLDER / "trial.mcap"
             run_capture(virtual.link, recording, CaptureSettings(cycles=CYCLES), screen, threading.Event())
     console = Console(record=True, width=WIDTH, height=HEIGHT, force_terminal=True, file=io.StringIO())
-    console.print(render(screen.state))
+    for line in picture((screen.state,), View(), WIDTH, HEIGHT):
+        console.print(line, no_wrap=True)
     path.parent.mkdir(exist_ok=True)
     without_web_fonts = re.sub(r"@font-face \{\{.*?\}\}", "", CONSOLE_SVG_FORMAT, flags=re.DOTALL)
-    picture = console.export_svg(
+    drawing = console.export_svg(
         title="rotdrift capture", theme=MONOKAI, code_format=without_web_fonts, unique_id="dashboard"
     )
-    path.write_text(with_drawn_bars(picture), encoding="utf-8")
+    path.write_text(with_drawn_bars(drawing), encoding="utf-8")
 
 
 def with_drawn_bars(picture: str) -> str:

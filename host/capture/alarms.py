@@ -37,44 +37,48 @@ FLOOR_CLEAR = 1.15
 
 
 class AlarmWatch:
-    """Watches states in the order of time."""
+    """Watches states in the order of time.
+
+    Every alarm is one of two kinds: most follow the state, up from one limit to a milder one (``_follow``); what
+    happens in a moment stays up for a while (``_hold``).
+    """
 
     def __init__(self) -> None:
         self._up: dict[str, str] = {}
         self._until_s: dict[str, float] = {}
-        self._moved_s = self._way_s = 0.0
         self._before: TrialState | None = None
-        self._axis_since_s: float | None = None
+        self._moved_s = 0.0  # since the last end point
+        self._way_s = 0.0  # movement before the last end point, since the one before
+        self._axis_since_s: float | None = None  # since when the axis alarm is due to change
         self._widest_deg = 0.0
         self._segments = 1
-        self._losses: deque[tuple[float, int, int]] = deque()
+        self._losses: deque[tuple[float, int, int]] = deque()  # (s, produced, missing) of the last seconds
 
     def update(self, state: TrialState) -> tuple[Alarm, ...]:
-        """Take the next state and give the alarms that are up, the most urgent first.
+        """Watch the next state; return the alarms that are up, the most urgent first.
 
         Parameters
         ----------
         state : TrialState
             ``elapsed_s`` is the clock.
         """
-        now_s = state.elapsed_s
-        before = self._before or state
-        if state.n_endpoints < before.n_endpoints:  # end points were taken back: begin again
+        now_s, before = state.elapsed_s, self._before or state
+        if state.score.n_endpoints < before.score.n_endpoints:  # end points were withdrawn: start again
             self._moved_s = self._way_s = self._widest_deg = 0.0
-        for kind, until_s in list(self._until_s.items()):
-            if now_s >= until_s:
-                del self._until_s[kind]
-                self._up.pop(kind, None)
-        self._link(state)
-        self._sudden(state, before, now_s)
-        self._no_cycles(state, before)
-        self._axis(state, now_s)
-        self._swing(state)
-        self._floor(state)
+        for kind in [kind for kind, until_s in self._until_s.items() if now_s >= until_s]:
+            del self._until_s[kind]
+            self._up.pop(kind, None)
+        self._watch_link(state)
+        self._watch_losses(state)
+        self._watch_moments(state, before)
+        self._watch_cycles(state, before)
+        self._watch_axis(state)
+        self._watch_swing(state)
+        self._watch_floor(state)
         self._before = state
         return tuple(Alarm(kind, self._up[kind]) for kind in ORDER if kind in self._up)
 
-    def _set(self, kind: str, raised: bool, cleared: bool, sentence: str) -> None:
+    def _follow(self, kind: str, raised: bool, cleared: bool, sentence: str) -> None:
         """Raise, clear, or leave an alarm as it is; its sentence follows the newest figures."""
         if raised or (kind in self._up and not cleared):
             self._up[kind] = sentence
@@ -86,110 +90,105 @@ class AlarmWatch:
         self._up[kind] = sentence
         self._until_s[kind] = now_s + HOLD_S
 
-    def _link(self, state: TrialState) -> None:
-        link, now_s = state.link, state.elapsed_s
-        lost = not link.connected
-        said = ["the link is lost"] if lost else []
-        if not lost or link.silent_s > SILENT_RAISE_S:
-            said.append(f"nothing has come for {link.silent_s:.0f} s")
-        self._set(
+    def _watch_link(self, state: TrialState) -> None:
+        lost, silent_s = not state.link.connected, state.stream.silent_s
+        parts = ["the link is lost"] if lost else []
+        if not lost or silent_s > SILENT_RAISE_S:
+            parts.append(f"nothing has come for {silent_s:.0f} s")
+        self._follow(
             "link",
-            lost or link.silent_s > SILENT_RAISE_S,
-            not lost and link.silent_s < SILENT_CLEAR_S,
-            f"{', '.join(said)}: check the object's battery and cable",
+            lost or silent_s > SILENT_RAISE_S,
+            not lost and silent_s < SILENT_CLEAR_S,
+            f"{', '.join(parts)}: check the object's battery and cable",
         )
-        if link.segments > max(1, self._segments):
-            self._hold(
-                "clock",
-                now_s,
-                f"{link.segment_reason or 'the device clock jumped'}; the host's clock places what follows",
-            )
-        self._segments = max(self._segments, link.segments)
-        losses = link.losses
+        if state.stream.segments > self._segments:
+            self._segments = state.stream.segments
+            why = state.stream.segment_reason or "the device clock jumped"
+            self._hold("clock", state.elapsed_s, f"{why}; the host's clock places what follows")
+
+    def _watch_losses(self, state: TrialState) -> None:
+        now_s, losses = state.elapsed_s, state.stream.losses
         self._losses.append((now_s, losses.produced, losses.missing))
         while self._losses[0][0] < now_s - LOSS_WINDOW_S and len(self._losses) > 2:
             self._losses.popleft()
         _, produced, missing = self._losses[0]
         share = (losses.missing - missing) / max(1, losses.produced - produced)
-        self._set(
+        self._follow(
             "losses",
             share > LOSS_RAISE and losses.missing - missing > 1,
             share < LOSS_CLEAR,
             f"{100 * share:.1f} % of the last samples are missing: check cable and distance",
         )
 
-    def _sudden(self, state: TrialState, before: TrialState, now_s: float) -> None:
-        rate = state.motion.peak_rate_dps or 0.0
+    def _watch_moments(self, state: TrialState, before: TrialState) -> None:
+        now_s, rate, cycles = state.elapsed_s, state.motion.peak_rate_dps or 0.0, state.score.cycles
         if rate > DROP_DPS:
             self._hold("reorientation", now_s, f"it turned at {rate:.0f}°/s: was it dropped?")
-        row = state.cycles[-1] if state.cycles else None
-        if row is not None and row.step_deg is not None and before.cycles[-1:] != state.cycles[-1:]:
-            steps, periods = _usual(state.cycles[:-1])
+        if cycles and cycles[-1].step_deg is not None and before.score.cycles[-1:] != cycles[-1:]:
+            row, step_deg = cycles[-1], cycles[-1].step_deg
+            usual_deg, usual_s = _usual(cycles[:-1])
             # A step over a gap spans several cycles, and is as many times as long.
-            spanned = max(1, round(row.period_s / periods)) if row.period_s and periods else 1
-            share_deg = row.step_deg / spanned
-            large = len(state.cycles) > 3 and share_deg > max(STEP_DEG, STEP_FACTOR * steps)
-            if large or ("pose jump" in row.flags and share_deg > JUMP_FACTOR * steps):
-                self._hold(
-                    "reorientation",
-                    now_s,
-                    f"cycle {row.number} moved it {row.step_deg:.1f}°: dropped, regrasped? (x: exclude)",
-                )
+            share_deg = step_deg / (max(1, round(row.period_s / usual_s)) if row.period_s and usual_s else 1)
+            large = len(cycles) > 3 and share_deg > max(STEP_DEG, STEP_FACTOR * usual_deg)
+            if large or ("pose jump" in row.flags and share_deg > JUMP_FACTOR * usual_deg):
+                sentence = f"cycle {row.number} moved it {step_deg:.1f}°: dropped, regrasped? (x: exclude)"
+                self._hold("reorientation", now_s, sentence)
         if state.sensor.saturated:
             self._hold("saturation", now_s, "beyond the sensor's range: turn slower, or do not trust θ̄")
 
-    def _no_cycles(self, state: TrialState, before: TrialState) -> None:
-        moving = (state.motion.turn_rate_dps or 0.0) > MOVING_DPS
-        if state.n_endpoints != before.n_endpoints:
+    def _watch_cycles(self, state: TrialState, before: TrialState) -> None:
+        if state.score.n_endpoints != before.score.n_endpoints:
             self._way_s, self._moved_s = self._moved_s, 0.0
-        elif moving:
+        elif (state.motion.turn_rate_dps or 0.0) > MOVING_DPS:
             self._moved_s += max(0.0, min(1.0, state.elapsed_s - before.elapsed_s))
-        # While no period is known, the way to the first end point is all that tells how slow the motion is.
+        # While no period is known, only the way to the first end point shows how slow the motion is.
         period_s = state.motion.period_s or self._way_s
         limit_s = max(NO_CYCLES_S, NO_CYCLES_PERIODS * period_s)
-        self._set(
+        self._follow(
             "no cycles",
             self._moved_s > limit_s,
             self._moved_s < limit_s,
             f"{self._moved_s:.0f} s of movement without a cycle: is one rotation repeated?",
         )
 
-    def _axis(self, state: TrialState, now_s: float) -> None:
+    def _watch_axis(self, state: TrialState) -> None:
+        now_s = state.elapsed_s
         ambiguous = "axis ambiguous" in state.motion.flags and (state.motion.turn_rate_dps or 0.0) > MOVING_DPS
-        is_up = "axis" in self._up
-        if ambiguous == is_up:
+        if ambiguous == ("axis" in self._up):
             self._axis_since_s = None
         elif self._axis_since_s is None:
             self._axis_since_s = now_s
         lasted = self._axis_since_s is not None and now_s - self._axis_since_s >= AXIS_S
-        self._set(
+        self._follow(
             "axis",
             ambiguous and lasted,
             not ambiguous and lasted,
             "it turns about no single axis: cycles may end at the wrong moment",
         )
 
-    def _swing(self, state: TrialState) -> None:
+    def _watch_swing(self, state: TrialState) -> None:
         swing = state.motion.swing_deg
-        if swing is None or state.n_endpoints < SWING_ENDPOINTS:
+        if swing is None or state.score.n_endpoints < SWING_ENDPOINTS:
             return
         self._widest_deg = max(self._widest_deg, swing)
         share = swing / self._widest_deg if self._widest_deg else 1.0
-        self._set(
+        self._follow(
             "swing",
             share < SWING_RAISE,
             share > SWING_CLEAR,
             f"down from {self._widest_deg:.0f}° to {swing:.0f}°: is it slipping out of the hand?",
         )
 
-    def _floor(self, state: TrialState) -> None:
-        theta, floor = state.theta_bar_deg, state.sensor.floor_deg
-        known = theta is not None and floor is not None and state.n_cycles >= MIN_STEPS
-        self._set(
+    def _watch_floor(self, state: TrialState) -> None:
+        theta, floor = state.score.theta_bar_deg, state.sensor.floor_deg
+        if theta is None or floor is None or state.score.n_cycles < MIN_STEPS:
+            self._up.pop("floor", None)
+            return
+        self._follow(
             "floor",
-            known and theta is not None and floor is not None and theta < floor,
-            not known or (theta is not None and floor is not None and theta > FLOOR_CLEAR * floor),
-            f"θ̄ is below the sensor's floor of {floor or 0.0:.2g}°, no drift at all looks the same; more cycles help",
+            theta < floor,
+            theta > FLOOR_CLEAR * floor,
+            f"θ̄ is below the sensor's floor of {floor:.2g}°, no drift at all looks the same; more cycles help",
         )
 
 

@@ -47,7 +47,7 @@ class Guide:
         return TITLES[self._step]
 
     def update(self, state: TrialState, enough: bool) -> GuideView:
-        """Take the next state.
+        """Go on with the next state; return where the trial is.
 
         Parameters
         ----------
@@ -56,22 +56,21 @@ class Guide:
         enough : bool
             Whether there are as many cycles, or as narrow an interval, as asked for.
         """
-        rate = state.motion.turn_rate_dps
-        rested_s = self._rested_s(state, rate)
-        self._advance(rested_s, rate, state, enough)
+        rested_s = self._rested_s(state)
+        self._advance(rested_s, state, enough)
         hint, progress = self._hint(state, rested_s)
         return GuideView(self._step + 1, len(TITLES), self.title, hint, progress)
 
     def _hint(self, state: TrialState, rested_s: float) -> tuple[str, float]:
-        """Say how far this step is, in words and from 0 to 1."""
+        """Return how far this step is, in words and from 0 to 1."""
         if self.title == "start the hand":
             return "begin the rotation", 0.0
         if self.title == "let it turn":
-            wanted = state.target_cycles or self.settings.cycles
-            if state.target_half_width_deg is None:
-                return f"{state.n_cycles} of {wanted} cycles", state.n_cycles / wanted
-            more = wanted if state.more_cycles is None else state.more_cycles
-            return f"{state.n_cycles} cycles", state.n_cycles / max(1, state.n_cycles + more)
+            n, wanted = state.score.n_cycles, state.target.cycles or self.settings.cycles
+            if state.target.half_width_deg is None:
+                return f"{n} of {wanted} cycles", n / wanted
+            more = wanted if state.score.more_cycles is None else state.score.more_cycles
+            return f"{n} cycles", n / max(1, n + more)
         if self.done:
             return "the trial is complete", 1.0
         if state.motion.turn_rate_dps is None:
@@ -81,8 +80,10 @@ class Guide:
         left_s = math.ceil(self.settings.rest_s - rested_s)
         return f"{left_s} s more at rest", rested_s / self.settings.rest_s
 
-    def _rested_s(self, state: TrialState, rate: float | None) -> float:
-        still = rate is not None and (rate < REST_DPS or (self._still_since_s is not None and rate < MOVING_DPS))
+    def _rested_s(self, state: TrialState) -> float:
+        """Return how long the object has been at rest; once it is, it may turn a little faster before it moves."""
+        rate = state.motion.turn_rate_dps
+        still = rate is not None and rate < (REST_DPS if self._still_since_s is None else MOVING_DPS)
         if not still:
             self._still_since_s = None
             return 0.0
@@ -90,12 +91,12 @@ class Guide:
             self._still_since_s = state.elapsed_s
         return state.elapsed_s - self._still_since_s
 
-    def _advance(self, rested_s: float, rate: float | None, state: TrialState, enough: bool) -> None:
+    def _advance(self, rested_s: float, state: TrialState, enough: bool) -> None:
+        n_cycles = state.score.n_cycles
         rested = rested_s >= self.settings.rest_s
-        begun = rate is not None and rate > MOVING_DPS
-        stopped = state.n_cycles > 0 and rested_s > REST_PERIODS * (state.motion.period_s or 10.0)
-        if self._step == 0 and state.n_cycles > 0 and begun:  # a hand that did not wait: a trial without a rest before
+        turns = (state.motion.turn_rate_dps or 0.0) > MOVING_DPS
+        stopped = n_cycles > 0 and rested_s > REST_PERIODS * (state.motion.period_s or 10.0)
+        if self._step == 0 and n_cycles > 0 and turns:  # a hand that did not wait: a trial without a rest before
             self._step = TITLES.index("let it turn")
-        steps_on = (rested, begun, enough or stopped, rested, False)
-        if steps_on[self._step]:
-            self._step += 1
+        goes_on = (rested, turns, enough or stopped, rested, False)  # a condition for each of TITLES
+        self._step += goes_on[self._step]

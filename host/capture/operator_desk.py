@@ -16,20 +16,23 @@ MAX_MARKS = 20
 
 
 class OperatorDesk:
-    """Takes the operator's actions of one capture.
+    """Carries out the operator's actions in one capture.
 
     Parameters
     ----------
     trial : Trial
         Whose running score is edited.
     record : callable
-        Given every action, to be written to the recording.
+        Called with every action, to write it to the recording.
     mark : callable
-        Given the number of a marker, to be sent to the object.
+        Called with the number of a marker, to send it to the object.
     """
 
     def __init__(
-        self, trial: Trial, record: Callable[[OperatorAction], None], mark: Callable[[int], None] | None = None
+        self,
+        trial: Trial,
+        record: Callable[[OperatorAction], None] = lambda _: None,
+        mark: Callable[[int], None] = lambda _: None,
     ) -> None:
         self._trial = trial
         self._record = record
@@ -44,23 +47,20 @@ class OperatorDesk:
         """The last markers and notes."""
         return tuple(self._marks)
 
-    def take(self, action: ScreenAction) -> None:
-        """Take what was pressed; an action that makes no sense now does nothing."""
+    def process(self, action: ScreenAction) -> None:
+        """Do what was asked for; an action that makes no sense now does nothing."""
         score, now_s = self._trial.score, self._trial.newest_s
         if action.kind == "marker":
             self._n_markers += 1
             self._add_mark(did.MARKER, f"marker {self._n_markers}")
-            if self._mark is not None:
-                self._mark(self._n_markers)
+            self._mark(self._n_markers)
         elif action.kind == "note":
             self._add_mark(did.NOTE, action.text)
         elif action.kind == "window":
-            window = score.window
-            starts = window is None or window.to_s is not None
-            score.set_window(
-                WindowView(now_s, None) if starts else WindowView(window.from_s if window else None, now_s)
-            )
-            self._record(OperatorAction(did.WINDOW_START if starts else did.WINDOW_STOP, now_s))
+            is_open = score.window is not None and score.window.to_s is None
+            kind = did.WINDOW_STOP if is_open else did.WINDOW_START
+            self._set_window(kind, now_s)
+            self._record(OperatorAction(kind, now_s))
         elif action.kind == "exclude" and action.cycle is not None:
             self._record_cycle(did.EXCLUDE, score.leave_out(action.cycle, action.text), action.text)
         elif action.kind == "include" and action.cycle is not None:
@@ -70,12 +70,10 @@ class OperatorDesk:
             self._record(OperatorAction(action.kind, now_s, action.text))
 
     def repeat(self, action: OperatorAction) -> None:
-        """Do again what a recording says was done: for the replay."""
+        """Do again what a recorded capture's operator did: for the replay."""
         score = self._trial.score
-        if action.kind == did.WINDOW_START:
-            score.set_window(WindowView(action.time_s, None))
-        elif action.kind == did.WINDOW_STOP:
-            score.set_window(WindowView(None if score.window is None else score.window.from_s, action.time_s))
+        if action.kind in {did.WINDOW_START, did.WINDOW_STOP}:
+            self._set_window(action.kind, action.time_s)
         elif action.kind in {did.EXCLUDE, did.INCLUDE}:
             number = score.number_at(action.from_s, action.to_s)
             if number is not None and action.kind == did.EXCLUDE:
@@ -84,6 +82,13 @@ class OperatorDesk:
                 score.take_back(number)
         elif action.kind in {did.MARKER, did.NOTE}:
             self._marks.append(OperatorMark(action.time_s, action.text))
+
+    def _set_window(self, kind: str, time_s: float) -> None:
+        score = self._trial.score
+        if kind == did.WINDOW_START:
+            score.set_window(WindowView(time_s, None))
+        else:
+            score.set_window(WindowView(None if score.window is None else score.window.from_s, time_s))
 
     def _add_mark(self, kind: str, text: str) -> None:
         now_s = self._trial.newest_s

@@ -5,19 +5,19 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import TimeReply
-from host.capture.alarms import AlarmWatch
 from host.capture.loop import STATE_NS
 from host.capture.operator_desk import OperatorDesk
+from host.capture.snapshot import Snapshots
 from host.links.transport import AnyChunk, LinkEnd, Transport
 from host.recording import format as fmt
 from host.recording.arrivals import RecordedRoundTrips
-from host.recording.reader import RecordingReader
+from host.recording.reader import RecordedMessage, RecordingReader
 from host.screen.screens import Screen
 from host.stream.round_trips import RoundTrip
 from host.trial.live import Trial
@@ -25,36 +25,37 @@ from host.trial.operator import OperatorAction, action_of
 from host.trial.state import LinkView, RecordingView, TrialState
 
 READ_S = 0.05
+T = TypeVar("T")
 
 
 def recorded_actions(path: Path) -> list[OperatorAction]:
-    """Read what the operator did during a capture.
+    """Return what the operator did during a capture.
 
     Raises
     ------
     FileError
         Not a recording.
     """
-    actions = []
-    for message in RecordingReader(path).messages({fmt.ACTION}):
-        with contextlib.suppress(ValueError, KeyError):  # damage is told when the recording is scored
-            actions.append(action_of(message.values()))
-    return actions
+    return _read(path, fmt.ACTION, lambda message: action_of(message.values()))
 
 
 def recorded_commands(path: Path) -> list[AnyChunk]:
-    """Read what the host sent during a capture, in order.
+    """Return what the host sent during a capture, in order.
 
     Raises
     ------
     FileError
         Not a recording.
     """
-    sent = []
-    for message in RecordingReader(path).messages({fmt.SENT}):
-        with contextlib.suppress(ValueError, KeyError):
-            sent.append(fmt.decode_raw(message.data, fmt.SENT))
-    return sent
+    return _read(path, fmt.SENT, lambda message: fmt.decode_raw(message.data, fmt.SENT))
+
+
+def _read(path: Path, topic: str, parse: Callable[[RecordedMessage], T]) -> list[T]:
+    parsed = []
+    for message in RecordingReader(path).messages({topic}):
+        with contextlib.suppress(ValueError, KeyError):  # damage is reported when the recording is scored
+            parsed.append(parse(message))
+    return parsed
 
 
 def play(
@@ -65,8 +66,9 @@ def play(
     speed: float = 1.0,
     actions: Sequence[OperatorAction] = (),
     commands: Sequence[AnyChunk] = (),
+    title: str = "rotdrift",
 ) -> TrialState | None:
-    """Feed a replay into a trial until its end.
+    """Feed a replay into a trial until its end; return its last state, None where it was ended early.
 
     Nobody else waits for these chunks, so this thread reads them itself.
 
@@ -86,24 +88,19 @@ def play(
         What the operator did then; done again when its time comes.
     commands : sequence of AnyChunk
         What was sent then: with the answers they bound the offset of the clocks.
-
-    Returns
-    -------
-    TrialState or None
-        The last picture; None where it was ended early.
+    title : str
+        Of the screen.
     """
-    desk, alarms = OperatorDesk(trial, lambda _: None), AlarmWatch()
-    waiting, unsent, trips = deque(actions), deque(commands), RecordedRoundTrips()
+    desk, waiting = OperatorDesk(trial), deque(actions)
+    snapshots, past = Snapshots(trial, desk, title), _PastCommands(commands)
     first_ns: int | None = None
-    told_ns = now_ns = 0
+    published_ns = now_ns = 0
 
-    def picture() -> TrialState:
+    def state() -> TrialState:
         info = trial.assembler.info
         link = LinkView(name=transport.name, expected_rate_hz=None if info is None else info.rate_hz)
-        state = trial.state(now_ns, 0.0 if first_ns is None else (now_ns - first_ns) / 1e9, link)
-        recording = RecordingView(transport.name.removeprefix("replay:"), trial.link.n_bytes)
-        state = replace(state, recording=recording, marks=desk.marks, replayed=True)
-        return replace(state, alarms=alarms.update(state))
+        recording = RecordingView(transport.name.removeprefix("replay:"), trial.link.n_bytes, replayed=True)
+        return snapshots.at(now_ns, 0.0 if first_ns is None else (now_ns - first_ns) / 1e9, link, recording)
 
     while not stop.is_set():
         if any(action.kind == "finish" for action in screen.actions()):
@@ -115,28 +112,42 @@ def play(
                 screen.cycle(row)
             for action in waiting:
                 desk.repeat(action)
-            return picture()
+            return state()
         if chunk is None:
             continue
         now_ns = chunk.host_time_ns
         first_ns = now_ns if first_ns is None else first_ns
-        while unsent and unsent[0].host_time_ns <= now_ns:
-            command = unsent.popleft()
-            trips.feed_sent(command.data, command.host_time_ns)
         update = trial.feed(chunk)
-        trial.feed_round_trips(_round_trips(update.items, trips, now_ns))
+        trial.feed_round_trips(past.round_trips(update.items, now_ns))
         for row in update.cycles:
             screen.cycle(row)
-        while waiting and not waiting[0].time_s > trial.newest_s:
+        while waiting and not waiting[0].time_s > trial.newest_s:  # one before the first sample has NaN for a time
             desk.repeat(waiting.popleft())
-        if now_ns - told_ns >= STATE_NS * max(1.0, speed):
-            told_ns = now_ns
-            screen.update(picture())
+        if now_ns - published_ns >= STATE_NS * max(1.0, speed):
+            published_ns = now_ns
+            screen.update(state())
     return None
 
 
-def _round_trips(items: list[StreamItem], trips: RecordedRoundTrips, now_ns: int) -> Iterator[RoundTrip]:
-    for item in items:
-        sent_ns = trips.sent_ns(item, now_ns) if isinstance(item, TimeReply) else None
-        if isinstance(item, TimeReply) and sent_ns is not None:
-            yield RoundTrip(sent_ns, item.receive_uptime_us, item.transmit_uptime_us, now_ns)
+class _PastCommands:
+    """Commands of a recorded capture, matched with their answers as these come by.
+
+    Parameters
+    ----------
+    commands : sequence of AnyChunk
+        In order.
+    """
+
+    def __init__(self, commands: Sequence[AnyChunk]) -> None:
+        self._unsent = deque(commands)
+        self._trips = RecordedRoundTrips()
+
+    def round_trips(self, items: list[StreamItem], now_ns: int) -> Iterator[RoundTrip]:
+        """Yield the round trips that end among the packets received at ``now_ns``."""
+        while self._unsent and self._unsent[0].host_time_ns <= now_ns:
+            command = self._unsent.popleft()
+            self._trips.feed_sent(command.data, command.host_time_ns)
+        for item in items:
+            sent_ns = self._trips.sent_ns(item, now_ns) if isinstance(item, TimeReply) else None
+            if isinstance(item, TimeReply) and sent_ns is not None:
+                yield RoundTrip(sent_ns, item.receive_uptime_us, item.transmit_uptime_us, now_ns)

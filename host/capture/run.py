@@ -14,7 +14,9 @@ from typing import Any
 from analysis.scoring.trial_score import TrialScore
 from analysis.sensor.baseline import StaticBaseline
 from analysis.series import AnalysisError
-from host.capture.loop import Capture, CaptureOutcome, CaptureSettings
+from host.capture.loop import Capture, CaptureOutcome
+from host.capture.settings import CaptureSettings
+from host.capture.snapshot import finished_state
 from host.errors import FileError, LinkError
 from host.links import open_lasting
 from host.links.link_log import LinkLog
@@ -23,7 +25,6 @@ from host.recording.writer import RecordingWriter
 from host.results.result import ScoreOptions, score_trial, write_result
 from host.screen.screens import Screen
 from host.trial.live import Trial
-from host.trial.state import TrialState
 
 DEFAULT_FOLDER = Path("rotdrift-trials")
 HOLD_S = 3600.0
@@ -39,16 +40,16 @@ class FinishedCapture:
     trial: RecordedTrial
     recording: Path
     result: Path
-    """Where the result was to be written; the disk may not have taken it."""
+    """Where the result was to be written; the disk may be full."""
 
     def places(self) -> str:
-        """Say where the files are, a line each."""
+        """Return where the files are, a line each."""
         result = f"result     {self.result}\n" if self.result.exists() else ""
         return f"recording  {self.recording}\n{result}"
 
 
 def default_recording(now: datetime, folder: Path = DEFAULT_FOLDER) -> Path:
-    """Choose a name that does not exist yet: the date and time of the start."""
+    """Return a name that does not exist yet: the date and time of the start."""
     # Milliseconds, because two captures may well be started in the same second.
     stem = f"{now:%Y-%m-%d_%H-%M-%S}-{now.microsecond // 1000:03d}"
     for number in range(1, 1000):
@@ -97,7 +98,7 @@ def run_capture(
             raise FileError(f"{path} exists already", "give another name with --out, or move it away")
     baseline = None if options is None or options.baseline is None else _baseline(options.baseline)
     try:
-        outcome = record(link, recording_path, settings, screen, stop, baseline, keep_screen=True)
+        outcome = record(link, recording_path, settings, screen, stop, baseline)
         finished = _finish(outcome, recording_path, result_path, options)
         screen.update(finished_state(outcome.last_state, finished.score))
         if settings.guide is not None:
@@ -107,34 +108,6 @@ def run_capture(
     finally:
         screen.stop()
     return finished
-
-
-def finished_state(live: TrialState, score: TrialScore) -> TrialState:
-    """Make the last picture: the result in place of the provisional figures, and what the difference is."""
-    return replace(
-        live,
-        finished=True,
-        theta_bar_deg=score.theta_bar_deg,
-        interval_deg=score.interval_deg,
-        half_width_deg=None if score.interval is None else score.interval.half_width_deg,
-        summary=difference_sentence(live.theta_bar_deg, score),
-    )
-
-
-def difference_sentence(live_deg: float | None, score: TrialScore) -> str:
-    """Say in one sentence how the result differs from what the live view had."""
-    if score.theta_bar_deg is None:
-        return f"no score: {score.reasons[0]}" if score.reasons else "no score"
-    if live_deg is None:
-        return f"the live view had no score yet; the result has {len(score.endpoints) - 1} cycles"
-    return f"live {live_deg:.3f}°, the result differs by {round(score.theta_bar_deg - live_deg, 3) + 0.0:+.3f}°"
-
-
-def difference_line(live_deg: float | None, score: TrialScore) -> str:
-    """Say the same in a line below the printed score, which has told already why there is none."""
-    if score.theta_bar_deg is not None:
-        return f"live       {difference_sentence(live_deg, score).removeprefix('live ')}\n"
-    return "" if live_deg is None else f"live       {live_deg:.3f}°, which the result does not confirm\n"
 
 
 def _baseline(path: Path) -> StaticBaseline:
@@ -156,18 +129,11 @@ def record(
     screen: Screen,
     stop: threading.Event,
     baseline: StaticBaseline | None = None,
-    keep_screen: bool = False,
 ) -> CaptureOutcome:
     """Capture one recording, without scoring it.
 
-    Parameters
-    ----------
-    link, recording_path, settings, screen, stop
-        As for :func:`run_capture`.
-    baseline : StaticBaseline, optional
-        Of the sensor, for the floor that the live view shows.
-    keep_screen : bool
-        Whether the screen stays for the caller to stop.
+    The parameters are those of :func:`run_capture`; the screen is started here, and is for the caller to stop.
+    ``baseline`` is that of the sensor, for the floor that the live view shows.
 
     Raises
     ------
@@ -194,22 +160,11 @@ def record(
     except BaseException:
         transport.close()
         raise
-    trial = Trial(
-        "rotdrift capture",
-        settings.cycles,
-        settings.duration_s,
-        transport.node,
-        settings.until_half_width_deg,
-        baseline,
-    )
+    trial = Trial(transport.node, settings.until_half_width_deg, baseline)
     imports = threading.Thread(target=_load_slow_modules, name="rotdrift-imports", daemon=True)
     imports.start()
     screen.start()
-    try:
-        outcome = Capture(transport, writer, trial, screen, settings, stop).run()
-    finally:
-        if not keep_screen:
-            screen.stop()
+    outcome = Capture(transport, writer, trial, screen, settings, stop).run()
     imports.join()  # two threads in the same import can see it half done
     if not trial.assembler.segments:
         _remove_empty(recording_path)
@@ -229,7 +184,7 @@ def _finish(
         "warnings": list(outcome.warnings),
         "elapsed_s": outcome.elapsed_s,
         "clock": outcome.clock,
-        "live_theta_bar_deg": outcome.last_state.theta_bar_deg,
+        "live_theta_bar_deg": outcome.last_state.score.theta_bar_deg,
     }
     try:
         trial = load_trial(recording_path, outcome.unwritten)
@@ -245,7 +200,7 @@ def _finish(
 
 def _load_slow_modules() -> None:
     """Import beside the capture what would otherwise be imported in the middle of it, and stall it for a second."""
-    # What does not load here is told where it is needed.
+    # What does not load here is reported where it is needed.
     with contextlib.suppress(ImportError, AttributeError):
         for name in ("scipy.ndimage", "scipy.stats"):
             importlib.import_module(name)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from host.capture.loop import CaptureSettings
 from host.capture.run import FinishedCapture, run_capture
+from host.capture.settings import CaptureSettings
 from host.errors import HostError
 from host.results.result import ScoreOptions
 from host.screen.keys import ScreenAction
@@ -59,20 +59,17 @@ class _SharedScreen:
                 self._waiting[action.index].append(action)
                 if action.kind == "finish":
                     self._stop.set()  # it ends them all
-            taken = list(self._waiting[index])
+            mine = list(self._waiting[index])
             self._waiting[index].clear()
-        return taken
+        return mine
 
 
-class _ObjectScreen:
-    """The screen as one of the captures sees it."""
+class _ObjectScreen(Screen):
+    """The screen as one of the captures sees it: it neither starts nor stops what others use."""
 
     def __init__(self, shared: _SharedScreen, index: int) -> None:
         self._shared = shared
         self._index = index
-
-    def start(self) -> None:
-        """Nothing: it is up already."""
 
     def update(self, state: TrialState, index: int = 0) -> None:
         del index  # ours is the one that counts
@@ -82,17 +79,14 @@ class _ObjectScreen:
         del index
         self._shared.screen.cycle(row, self._index)
 
-    def say(self, sentence: str) -> None:
-        self._shared.screen.say(f"object {self._index + 1}: {sentence}")
+    def report(self, sentence: str) -> None:
+        self._shared.screen.report(f"object {self._index + 1}: {sentence}")
 
     def actions(self) -> list[ScreenAction]:
         return self._shared.actions(self._index)
 
     def hold(self, timeout_s: float) -> bool:
         return self._shared.screen.hold(timeout_s)
-
-    def stop(self) -> None:
-        """Nothing: others may still use it."""
 
 
 def capture_several(
@@ -111,12 +105,14 @@ def capture_several(
         URIs; nodes of one CAN bus are links with different ``?node=``.
     recordings : sequence of Path
         One for each.
-    settings, options
+    settings : CaptureSettings
         For all of them.
     screen : Screen
         Started and stopped here.
     stop : threading.Event
         Ends them all.
+    options : ScoreOptions, optional
+        For all of them.
 
     Returns
     -------
@@ -133,7 +129,7 @@ def capture_several(
             finished = run_capture(links[index], recordings[index], settings, mine, stop, options)
             outcomes[index] = ObjectOutcome(links[index], finished, finished.outcome.error)
         except HostError as error:
-            mine.say(str(error))
+            mine.report(str(error))
             outcomes[index] = ObjectOutcome(links[index], None, error)
 
     screen.start()

@@ -111,8 +111,8 @@ def _from_link(args: Options) -> tuple[OrientationSeries, Sequence[float]]:
     import tempfile
 
     from analysis.series import SeriesError
-    from host.capture.loop import CaptureSettings
     from host.capture.run import record
+    from host.capture.settings import CaptureSettings
     from host.errors import LinkError
     from host.recording.load import load_trial
     from host.screen.screens import QuietScreen

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from host.capture.loop import CaptureSettings
     from host.capture.run import FinishedCapture
+    from host.capture.settings import CaptureSettings
     from host.results.result import ScoreOptions
     from host.screen.screens import Screen
 
@@ -90,11 +90,11 @@ def run(args: Options) -> int:
     from datetime import datetime
 
     from host.capture.guide import GuideSettings
-    from host.capture.loop import CaptureSettings
     from host.capture.run import default_recording, run_capture
+    from host.capture.settings import CaptureSettings
     from host.errors import UsageError
     from host.results.result import ScoreOptions, result_text
-    from host.screen.screens import ScreenChoice, open_screen
+    from host.screen.choice import ScreenChoice, open_screen
     from host.stop_signals import StopSignals
     from host.stream.session import SessionSettings
 
@@ -132,9 +132,9 @@ def run(args: Options) -> int:
 
 
 def _print_files(finished: FinishedCapture) -> None:
-    from host.capture.run import difference_line
+    from host.capture.snapshot import difference_line
 
-    sys.stdout.write(difference_line(finished.outcome.last_state.theta_bar_deg, finished.score))
+    sys.stdout.write(difference_line(finished.outcome.last_state.score.theta_bar_deg, finished.score))
     sys.stdout.write(finished.places())
 
 
@@ -175,7 +175,7 @@ def _run_several(
 def _until(text: str) -> float:
     kind, _, value = text.partition("=")
     if kind != "ci":
-        raise argparse.ArgumentTypeError(f"{text!r} is no aim; give ci=0.2deg")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a valid target; give ci=0.2deg")
     try:
         angle_deg = float(value.removesuffix("deg").removesuffix("°"))
     except ValueError:

@@ -39,16 +39,16 @@ def run(args: argparse.Namespace) -> int:
 
     from emulator import ScenarioError
     from emulator.scenario import load_scenario
-    from host.capture.loop import CaptureSettings
     from host.capture.run import default_recording, run_capture
+    from host.capture.settings import CaptureSettings
     from host.errors import UsageError
     from host.results.printout import print_score
-    from host.screen.screens import open_screen
+    from host.screen.choice import open_screen
     from host.stop_signals import StopSignals
     from host.virtual_object_process import VirtualObjectProcess
 
     if not 3 <= args.cycles <= 1000:
-        raise UsageError(f"{args.cycles} cycles make no demonstration", "give --cycles from 3 to 1000")
+        raise UsageError(f"{args.cycles} is not a valid number of cycles", "give --cycles from 3 to 1000")
     scenario = "fast" if args.fast else args.scenario
     try:
         heading_drift = load_scenario(scenario).imu.heading_drift_deg_per_min
@@ -95,19 +95,19 @@ def _print_truth(score: TrialScore, truth: dict[str, Any], heading_drift_deg_per
 
 
 def true_drift_deg(score: TrialScore, truth: dict[str, Any]) -> float | None:
-    """Compute the true θ̄ of the very end points that were scored.
+    """Return the true θ̄ of the very end points that were scored.
 
     Parameters
     ----------
     score : TrialScore
         Its end points name samples by sequence number.
     truth : dict
-        The virtual object's own account.
+        What the virtual object recorded of itself.
 
     Returns
     -------
     float or None
-        Degrees; None where the truth does not know as many end points in that stretch.
+        Degrees; None where the truth does not know as many end points there.
     """
     from analysis.scoring.card import rotation_drift
 

@@ -70,16 +70,7 @@ def run(args: argparse.Namespace) -> int:
         for name in scenario_names():
             sys.stdout.write(f"{name:{width}}  {plain(load_scenario(name).purpose)}\n")
         return 0
-    if not args.link:
-        raise UsageError("an object needs a link to be reached by", "give --link pty:PATH or --link tcp:PORT")
-    if args.duration is not None and not 0 < args.duration < 1e9:
-        raise UsageError(f"{args.duration:g} s is no duration", "give --duration in seconds, above 0")
-    if args.seed is not None and not 0 <= args.seed < 2**32:
-        raise UsageError(f"{args.seed} is no seed", "give --seed from 0 to 4294967295")
-    if args.faults_from_stdin and args.until_stdin_ends:
-        raise UsageError("faults that are typed and the end of the input do not go together", "give one of the two")
-    if args.truth is not None and Path(args.truth).exists():
-        raise FileError(f"{args.truth} exists already", "give another name with --truth, or move it away")
+    _check(args)
     try:
         scenario = load_scenario(args.scenario)
         link = open_link(args.link)
@@ -102,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
                 args.duration,
                 args.truth,
                 signals.stop,
-                _say_ready,
+                _report_ready,
                 seed=args.seed,
                 live_faults=live_faults,
             )
@@ -115,7 +106,23 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _say_ready(host_uri: str) -> None:
+def _check(args: argparse.Namespace) -> None:
+    """Check what the parser cannot."""
+    from host.errors import FileError, UsageError
+
+    if not args.link:
+        raise UsageError("an object needs a link", "give --link pty:PATH or --link tcp:PORT")
+    if args.duration is not None and not 0 < args.duration < 1e9:
+        raise UsageError(f"{args.duration:g} s is not a valid duration", "give --duration in seconds, above 0")
+    if args.seed is not None and not 0 <= args.seed < 2**32:
+        raise UsageError(f"{args.seed} is not a valid seed", "give --seed from 0 to 4294967295")
+    if args.faults_from_stdin and args.until_stdin_ends:
+        raise UsageError("faults that are typed and the end of the input do not go together", "give one of the two")
+    if args.truth is not None and Path(args.truth).exists():
+        raise FileError(f"{args.truth} exists already", "give another name with --truth, or move it away")
+
+
+def _report_ready(host_uri: str) -> None:
     sys.stdout.write(f"ready: {host_uri}\n")
     sys.stdout.flush()
 
@@ -135,7 +142,7 @@ def _stop_with_stdin(stop: threading.Event) -> None:
 
 
 def _faults_from_stdin() -> SimpleQueue[LiveFault]:
-    """Read fault commands in a thread of their own until the input ends; a wrong line is told and passed over."""
+    """Read fault commands in a thread of their own until the input ends; a wrong line is reported and passed over."""
     import threading
     from queue import SimpleQueue
 

@@ -97,7 +97,7 @@ def _print_objects(rows: list[dict[str, Any]]) -> None:
     if not heard:
         lines = [
             "",
-            f"no object was heard on {listened} link{'s' * (listened != 1)}; objects say something every second",
+            f"no object was heard on {listened} link{'s' * (listened != 1)}; objects send something every second",
         ]
     skipped = [f"  {row['link']}  ({row['not_probed']})" for row in rows if row["not_probed"]]
     if skipped:

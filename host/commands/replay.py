@@ -34,13 +34,13 @@ def run(args: argparse.Namespace) -> int:
     """
     from analysis.series import AnalysisError
     from host.capture.playback import play, recorded_actions, recorded_commands
-    from host.capture.run import difference_line, finished_state
+    from host.capture.snapshot import difference_line, finished_state
     from host.errors import FileError
     from host.recording.load import load_trial
     from host.recording.replay_link import ReplayTransport
     from host.results.printout import print_score
     from host.results.result import result_text, score_trial
-    from host.screen.screens import ScreenChoice, open_screen
+    from host.screen.choice import ScreenChoice, open_screen
     from host.stop_signals import StopSignals
     from host.trial.live import Trial
 
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         then = recorded_actions(args.file), recorded_commands(args.file)
         screen.start()
         try:
-            live = play(transport, Trial("rotdrift replay"), screen, signals.stop, args.speed, *then)
+            live = play(transport, Trial(), screen, signals.stop, args.speed, *then, title="rotdrift replay")
             score = score_trial(load_trial(args.file))
             if live is not None:
                 screen.update(finished_state(live, score))
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         print_score(score)
         if live is not None:
-            sys.stdout.write(difference_line(live.theta_bar_deg, score))
+            sys.stdout.write(difference_line(live.score.theta_bar_deg, score))
     return 0 if score.valid else 1
 
 

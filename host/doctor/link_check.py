@@ -7,7 +7,8 @@ import threading
 import time
 from pathlib import Path
 
-from host.capture.loop import Capture, CaptureOutcome, CaptureSettings
+from host.capture.loop import Capture, CaptureOutcome
+from host.capture.settings import CaptureSettings
 from host.clock.estimate import ClockEstimate
 from host.doctor.findings import Finding, Verdict, judged
 from host.errors import HostError

@@ -35,7 +35,7 @@ class KeyReader:
     Parameters
     ----------
     view : View
-        To begin with.
+        At the start.
     """
 
     def __init__(self, view: View) -> None:
@@ -47,7 +47,7 @@ class KeyReader:
         self._asked = ""
 
     def press(self, text: str, states: tuple[TrialState, ...]) -> list[ScreenAction]:
-        """Take what was typed since the last call.
+        """Process what was typed since the last call; return what was asked for.
 
         Parameters
         ----------
@@ -91,9 +91,9 @@ class KeyReader:
         focus = min(self.view.focus, len(states) - 1)
         self.view = replace(self.view, message="", focus=focus)
         state = states[focus]
-        if all(other.finished for other in states):
+        if all(other.score.finished for other in states):
             return [self._action("close")]
-        if state.replayed and key in EDITING:
+        if state.recording.replayed and key in EDITING:
             self.view = replace(self.view, message="a recording is only shown")
         elif key == "x":
             return self._exclude(state)
@@ -128,7 +128,7 @@ class KeyReader:
         return []
 
     def _exclude(self, state: TrialState) -> list[ScreenAction]:
-        row = state.cycles[-1] if state.cycles else None
+        row = state.score.cycles[-1] if state.score.cycles else None
         if row is None or row.number == 0:
             self.view = replace(self.view, message="no cycle yet")
             return []
@@ -148,12 +148,12 @@ class KeyReader:
 
 
 PASTE_ON, PASTE_OFF = "\x1b[?2004h", "\x1b[?2004l"
-"""Ask the terminal to say what is pasted; a terminal that does not know this ignores it."""
+"""Ask the terminal to mark what is pasted; a terminal that does not know this ignores it."""
 _PASTE_BEGINS, _PASTE_ENDS = "\x1b[200~", "\x1b[201~"
 _SPECIAL = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|O.|[^\x1b\[O])", re.DOTALL)
 _UNFINISHED = re.compile(r"\x1b(?:\[[0-?]*[ -/]*|O)\Z")
 MAX_SEQUENCE = 64
-"""A special key is never longer: what looks longer is none."""
+"""A special key is never longer: what seems longer is not one."""
 
 
 class KeySplitter:
@@ -164,7 +164,7 @@ class KeySplitter:
         self._pasting = False
 
     def split(self, text: str) -> tuple[str, str]:
-        """Take what was read.
+        """Split what was read.
 
         Parameters
         ----------

@@ -5,27 +5,15 @@ Both ends are this program, so the states travel as pickles; actions are lines o
 
 from __future__ import annotations
 
+import contextlib
 import json
 import pickle
-import struct
-from dataclasses import asdict, dataclass, replace
+import threading
+from dataclasses import asdict, dataclass
 from typing import IO
 
 from host.screen.keys import ScreenAction
 from host.trial.state import CycleRow, TrialState
-
-_LENGTH = struct.Struct("<I")
-
-
-@dataclass(frozen=True, slots=True)
-class ScreenSettings:
-    """How the screen process draws."""
-
-    ascii_only: bool = False
-    light: bool = False
-    color: str | None = "standard"
-    """Colours of the terminal as rich names them: ``standard``, ``256``, ``truecolor``; None without any."""
-    bell: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +31,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """The end: give the terminal back."""
+    """The end: release the terminal."""
 
     in_order: bool = True
     """False where the capture is gone without a word."""
@@ -54,37 +42,96 @@ Message = Frame | Stop
 
 def send(file: IO[bytes], message: Message) -> None:
     """Write a message; waits while the pipe is full."""
-    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
-    file.write(_LENGTH.pack(len(data)) + data)
+    pickle.dump(message, file, protocol=pickle.HIGHEST_PROTOCOL)
     file.flush()
 
 
 def receive(file: IO[bytes]) -> Message:
-    """Read a message; a :class:`Stop` out of order when the other side is gone."""
-    head = file.read(_LENGTH.size)
-    if len(head) < _LENGTH.size:
+    """Return the next message; a :class:`Stop` out of order when the other side is gone."""
+    try:
+        message: Message = pickle.load(file)  # noqa: S301 - from our own other half, through an anonymous pipe
+    except (EOFError, pickle.UnpicklingError):
         return Stop(in_order=False)
-    (length,) = _LENGTH.unpack(head)
-    data = file.read(length)
-    if len(data) < length:
-        return Stop(in_order=False)
-    message: Message = pickle.loads(data)  # noqa: S301 - from our own other half, through an anonymous pipe
     return message
 
 
 def encode_action(action: ScreenAction) -> bytes:
-    """Write an action as a line."""
+    """Return an action as a line."""
     return json.dumps(asdict(action)).encode() + b"\n"
 
 
 def decode_action(line: bytes) -> ScreenAction | None:
-    """Read an action; None where the line is none."""
+    """Return the action in a line; None where there is none."""
     try:
         return ScreenAction(**json.loads(line))
     except (ValueError, TypeError):
         return None
 
 
-def without_cycles(state: TrialState) -> TrialState:
-    """Leave the cycles out of a state."""
-    return replace(state, cycles=())
+class FrameSender:
+    """Sends the newest states in a thread of its own; those that come faster than they are received are left out.
+
+    Parameters
+    ----------
+    file : binary file
+        Of the pipe; closed at the end.
+    bell : bool
+        Whether to ring at new alarms and at the end.
+    """
+
+    def __init__(self, file: IO[bytes], bell: bool) -> None:
+        self._file = file
+        self._bell = bell
+        self._changed = threading.Condition()
+        self._states: dict[int, TrialState] = {0: TrialState()}
+        self._sent: dict[int, TrialState] = {}
+        self._news = self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="rotdrift-screen", daemon=True)
+        self._thread.start()
+
+    def update(self, state: TrialState, index: int) -> None:
+        """Keep the state of an object for the next frame."""
+        with self._changed:
+            self._states[index] = state
+            self._news = True
+            self._changed.notify()
+
+    def stop(self) -> None:
+        """Have the last states and the end sent."""
+        with self._changed:
+            self._stopping = True
+            self._changed.notify()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the thread."""
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            while True:
+                with self._changed:
+                    while not self._news and not self._stopping:
+                        self._changed.wait()
+                    states = dict(sorted(self._states.items()))
+                    news, self._news = self._news, False
+                    stopping = self._stopping
+                if news:
+                    send(self._file, self._frame(states))
+                if stopping:
+                    send(self._file, Stop())
+                    self._file.close()
+                    return
+
+    def _frame(self, states: dict[int, TrialState]) -> Frame:
+        """Return what to send of the states, given what was sent before."""
+        cycles, urgent, ring = {}, False, False
+        for index, state in states.items():
+            before = self._sent.get(index, TrialState())
+            if index not in self._sent or state.score.cycles != before.score.cycles:
+                cycles[index] = state.score.cycles
+            known = {alarm.kind for alarm in before.alarms}
+            done = state.score.finished and not before.score.finished
+            urgent = urgent or index in cycles or state.alarms != before.alarms or done
+            ring = ring or done or any(alarm.kind not in known for alarm in state.alarms)
+        self._sent = states
+        return Frame(tuple(state.with_cycles(()) for state in states.values()), cycles, urgent, ring and self._bell)

@@ -7,7 +7,7 @@ whole recording afterwards (:mod:`host.results.result`).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from host.stream.round_trips import RoundTrip
 from host.stream.samples import SampleAssembler
 from host.trial.running_score import RunningScore
 from host.trial.sensor import SensorWatch
-from host.trial.state import CycleRow, LinkView, MotionView, SensorView, TrialState
+from host.trial.state import ClockView, CounterView, CycleRow, MotionView, SensorView, StreamView
 from host.trial.turning import Turning
 
 
@@ -60,10 +60,6 @@ class Trial:
 
     Parameters
     ----------
-    title : str
-        For the screen.
-    target_cycles, target_s : optional
-        When the capture will end.
     node : int, optional
         Node id of the object on a bus; by default the first that is heard.
     target_half_width_deg : float, optional
@@ -74,9 +70,6 @@ class Trial:
 
     def __init__(
         self,
-        title: str = "rotdrift",
-        target_cycles: int | None = None,
-        target_s: float | None = None,
         node: int | None = None,
         target_half_width_deg: float | None = None,
         baseline: StaticBaseline | None = None,
@@ -89,9 +82,6 @@ class Trial:
         self._decoded: list[DecodedBatch] = []  # of the chunk under way
         self._detector = OnlineCycleDetector()
         self._rate = RateMeter()
-        self._base = TrialState(
-            title=title, target_cycles=target_cycles, target_s=target_s, target_half_width_deg=target_half_width_deg
-        )
         self.score = RunningScore(target_half_width_deg)
         """End points so far, and the operator's edits."""
         self._sensor = SensorWatch(baseline)
@@ -107,6 +97,11 @@ class Trial:
     def n_endpoints(self) -> int:
         """End points that count so far."""
         return self.score.n_endpoints
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What a person should know of who sends, a sentence each."""
+        return (*self.link.problems, *self.assembler.problems)
 
     @property
     def paused(self) -> bool:
@@ -158,38 +153,6 @@ class Trial:
             transmit_us = self.assembler.locate_us(trip.transmit_us, trip.received_ns)
             if receive_us is not None and transmit_us is not None:  # else it is of another segment
                 self._clock.feed_round_trip(trip.sent_ns, receive_us, transmit_us, trip.received_ns)
-
-    def state(self, now_ns: int, elapsed_s: float, link: LinkView, warnings: tuple[str, ...] = ()) -> TrialState:
-        """Return a picture of this moment.
-
-        Parameters
-        ----------
-        now_ns : int
-            Monotonic time (of a replay: the recording's).
-        elapsed_s : float
-            Of the capture.
-        link : LinkView
-            What the capture knows of its link; the rest is filled in here.
-        warnings : tuple of str
-            What a person should know.
-        """
-        interval = self.score.interval
-        return replace(
-            self._base,
-            elapsed_s=elapsed_s,
-            n_endpoints=self.n_endpoints,
-            cycles=self.score.rows,
-            theta_bar_deg=self.score.theta_bar_deg,
-            interval_deg=None if interval is None else (interval.low_deg, interval.high_deg),
-            half_width_deg=None if interval is None else interval.half_width_deg,
-            more_cycles=self.score.more_cycles,
-            origin_wxyz=self.score.origin_wxyz,
-            window=self.score.window,
-            motion=self.motion_view(),
-            sensor=self.sensor_view(),
-            link=self._link_view(link, now_ns),
-            warnings=warnings,
-        )
 
     @property
     def clock_estimate(self) -> ClockEstimate | None:
@@ -246,24 +209,29 @@ class Trial:
         assembler = self.assembler
         return self._sensor.view(assembler.info, assembler.status, self._newest_s, self.period_s, self.n_endpoints)
 
-    def _link_view(self, link: LinkView, now_ns: int) -> LinkView:
-        counters = self.link.counters
-        estimate = self._clock.estimate()
+    def stream_view(self, now_ns: int) -> StreamView:
+        """Return what came over the link until ``now_ns``, monotonic (of a replay: the recording's)."""
         segments = self.assembler.segments
-        return replace(
-            link,
+        return StreamView(
             rate_hz=self._rate.rate_hz(now_ns),
             silent_s=0.0 if self._sampled_ns is None else max(0.0, (now_ns - self._sampled_ns) / 1e9),
             n_bytes=self.link.n_bytes,
             losses=self.assembler.losses(),
-            crc_errors=counters.crc_errors,
-            malformed=counters.malformed,
             segments=len(segments),
             segment_reason=segments[-1].reason if len(segments) > 1 else "",
             reconnects=self.reconnects,
-            skew_ppm=estimate.skew_ppm if estimate is not None and estimate.warm else None,
-            jitter_p99_ms=None if estimate is None else estimate.jitter_p99_ns / 1e6,
-            jitter_p50_ms=None if estimate is None else estimate.jitter_p50_ns / 1e6,
-            offset_interval_ns=None if estimate is None else estimate.interval.bounds_ns,
-            clock_warm_up_s=None if estimate is None else estimate.warm_up_s,
+            counters=CounterView.of(self.link.counters),
+        )
+
+    def clock_view(self) -> ClockView:
+        """Return how the object's clock runs against the host's, as far as known now."""
+        estimate = self._clock.estimate()
+        if estimate is None:
+            return ClockView()
+        return ClockView(
+            skew_ppm=estimate.skew_ppm if estimate.warm else None,
+            jitter_p50_ms=estimate.jitter_p50_ns / 1e6,
+            jitter_p99_ms=estimate.jitter_p99_ns / 1e6,
+            offset_interval_ns=estimate.interval.bounds_ns,
+            warm_up_s=estimate.warm_up_s,
         )

@@ -1,12 +1,15 @@
-"""What a capture shows of itself at one moment: frozen, made by the capture, drawn by the dashboard.
+"""What a capture shows of itself at one moment: frozen, put together in :mod:`host.capture.snapshot`.
+
+Each view has one source, which knows all of it.
 
 Texts in here come from devices and files: they are plain (:func:`host.text.plain`), but not markup.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 
+from firmware_protocol.items import StreamCounters
 from host.losses.ledger import LossReport
 
 Quaternion = tuple[float, float, float, float]
@@ -42,42 +45,133 @@ class CycleRow:
 
 
 @dataclass(frozen=True, slots=True)
+class WindowView:
+    """The trial window that the operator set; without one everything counts."""
+
+    from_s: float | None = None
+    """Its start, s since the first sample; None: open."""
+    to_s: float | None = None
+    """Its end; None: open."""
+
+
+@dataclass(frozen=True, slots=True)
+class TargetView:
+    """When the capture will end; None where there is no limit."""
+
+    cycles: int | None = None
+    duration_s: float | None = None
+    half_width_deg: float | None = None
+    """Half-width of the interval that the capture is to reach (``--until``)."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreView:
+    """θ̄ so far, and the cycles it is of; once ``finished``, the result."""
+
+    n_endpoints: int = 0
+    """End points so far: one more than cycles."""
+    cycles: tuple[CycleRow, ...] = ()
+    """The first end point and the cycles after it; of many the last :data:`host.trial.running_score.MAX_ROWS`."""
+    theta_bar_deg: float | None = None
+    """Provisional until ``finished``."""
+    interval_deg: tuple[float, float] | None = None
+    """Its confidence interval; None while there are too few cycles."""
+    half_width_deg: float | None = None
+    """Half of the interval's width, before its ends were cut."""
+    more_cycles: int | None = None
+    """How many more cycles the interval's formula asks for to reach the target; None where it is out of reach."""
+    origin_wxyz: Quaternion | None = None
+    """Orientation at the first end point that counts; None before it."""
+    window: WindowView | None = None
+    """The trial window; None where the operator set none."""
+    finished: bool = False
+    """Whether the offline result has replaced the provisional one."""
+    summary: str = ""
+    """The result in a sentence, once ``finished``."""
+
+    @property
+    def n_cycles(self) -> int:
+        """Cycles so far."""
+        return max(0, self.n_endpoints - 1)
+
+
+@dataclass(frozen=True, slots=True)
 class LinkView:
-    """The link."""
+    """The link, as the capture knows it."""
 
     name: str = ""
     """Its URI."""
     connected: bool = True
     one_way: bool = False
     """Whether the object streams without ever answering."""
+    expected_rate_hz: float | None = None
+    """What the object was asked for or reports; None where it does not."""
+    overflow_chunks: int = 0
+    """Chunks this program could not receive in time."""
+
+
+@dataclass(frozen=True, slots=True)
+class CounterView:
+    """What the decoder counted that a good link has none of.
+
+    Named as in :class:`firmware_protocol.items.StreamCounters` and, on a bus,
+    :class:`firmware_protocol.can.counters.CanCounters`; a counter that the link's decoder does not have stays 0.
+    """
+
+    crc_errors: int = 0
+    malformed: int = 0
+    refused: int = 0
+    unnumbered: int = 0
+    misnumbered: int = 0
+    wrong_lengths: int = 0
+    damaged_batches: int = 0
+    long_packet_errors: int = 0
+    error_frames: int = 0
+    remote_frames: int = 0
+    cobs_errors: int = 0
+    oversize: int = 0
+    unsupported_versions: int = 0
+    unknown_types: int = 0
+
+    @classmethod
+    def of(cls, counters: StreamCounters) -> CounterView:
+        """Return the view of a decoder's counters."""
+        return cls(**{each.name: getattr(counters, each.name, 0) for each in fields(cls)})
+
+
+@dataclass(frozen=True, slots=True)
+class StreamView:
+    """What came over the link."""
+
     rate_hz: float | None = None
     """Samples per second over the last seconds."""
-    expected_rate_hz: float | None = None
-    """What the object was asked for or says; None where it does not tell."""
     silent_s: float = 0.0
     """Since the last sample."""
     n_bytes: int = 0
     losses: LossReport = field(default_factory=LossReport)
-    crc_errors: int = 0
-    malformed: int = 0
-    overflow_chunks: int = 0
-    """Chunks this program could not take in time."""
     segments: int = 0
     """1, and one more for each reset of the device or step of its clock."""
-    skew_ppm: float | None = None
-    """Rate of the device clock over the host's; None until it is known."""
-    jitter_p99_ms: float | None = None
-    """99th percentile of what the link adds to its least latency."""
-    jitter_p50_ms: float | None = None
-    """Its median."""
-    offset_interval_ns: tuple[float, float] | None = None
-    """Host minus device clock lies between these; None without answers to TIME_REQUEST."""
-    clock_warm_up_s: float | None = None
-    """How long the estimate of the device clock took until it could be relied on; None until then."""
+    segment_reason: str = ""
+    """Why the last segment started."""
     reconnects: int = 0
     """How often the link was lost and came back."""
-    segment_reason: str = ""
-    """Why the last segment began."""
+    counters: CounterView = CounterView()
+
+
+@dataclass(frozen=True, slots=True)
+class ClockView:
+    """The object's clock against the host's; None where it is not known yet."""
+
+    skew_ppm: float | None = None
+    """Its rate over the host's, less one."""
+    jitter_p50_ms: float | None = None
+    """Median of what the link adds to its least latency."""
+    jitter_p99_ms: float | None = None
+    """99th percentile of the same."""
+    offset_interval_ns: tuple[float, float] | None = None
+    """Host minus device clock lies between these; None without answers to TIME_REQUEST."""
+    warm_up_s: float | None = None
+    """How long the estimate took until it could be relied on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +180,7 @@ class SensorView:
 
     name: str = ""
     device_id: str = ""
-    """16 hex digits; empty where the object does not tell."""
+    """16 hex digits; empty where the object does not send it."""
     still: bool | None = None
     """Whether the sensor judges the object at rest; None before the first sample."""
     saturated: bool = False
@@ -98,7 +192,7 @@ class SensorView:
     heading_deg_per_min: float | None = None
     """The sensor's own drift, from its static baseline; None without one."""
     floor_deg: float | None = None
-    """Smallest drift per cycle that can be told from a resting object's, from the baseline; None without one."""
+    """Smallest drift per cycle that differs from a resting object's, from the baseline; None without one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +208,7 @@ class MotionView:
     cycle_phase: float | None = None
     """0 at the last end point, 1 where the next is due; None before the first."""
     flags: tuple[str, ...] = ()
-    """What to look at now: gap, axis ambiguous, noisy, pause."""
+    """What is odd now: gap, axis ambiguous, noisy, pause."""
     turn_rate_dps: float | None = None
     """How fast the object turns, mean over the last half second, deg/s; None before the first sample."""
     peak_rate_dps: float | None = None
@@ -136,6 +230,8 @@ class RecordingView:
     """Why it is not on disk; None when all is well."""
     free_bytes: int | None = None
     """Room left on the disk."""
+    replayed: bool = False
+    """Whether it is replayed: its operator has done what there was to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,16 +252,6 @@ class OperatorMark:
     """Since the first sample."""
     text: str
     """``marker 3``, or what was typed."""
-
-
-@dataclass(frozen=True, slots=True)
-class WindowView:
-    """The trial window that the operator set; without one everything counts."""
-
-    from_s: float | None = None
-    """Its begin, s since the first sample; None: open."""
-    to_s: float | None = None
-    """Its end; None: open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,47 +276,23 @@ class TrialState:
     title: str = "rotdrift"
     elapsed_s: float = 0.0
     """Of the capture."""
-    n_endpoints: int = 0
-    """End points so far: one more than cycles."""
-    cycles: tuple[CycleRow, ...] = ()
-    """The first end point and the cycles after it; of many the last :data:`host.trial.running_score.MAX_ROWS`."""
-    theta_bar_deg: float | None = None
-    """θ̄ so far; provisional until ``finished``."""
-    interval_deg: tuple[float, float] | None = None
-    """Its confidence interval; None while there are too few cycles."""
-    target_cycles: int | None = None
-    """How many cycles the capture will take; None without a limit."""
-    target_s: float | None = None
-    finished: bool = False
-    """Whether the offline result has replaced the provisional one."""
+    target: TargetView = field(default_factory=TargetView)
+    score: ScoreView = field(default_factory=ScoreView)
     motion: MotionView = field(default_factory=MotionView)
     sensor: SensorView = field(default_factory=SensorView)
+    stream: StreamView = field(default_factory=StreamView)
+    clock: ClockView = field(default_factory=ClockView)
     link: LinkView = field(default_factory=LinkView)
     recording: RecordingView = field(default_factory=RecordingView)
     warnings: tuple[str, ...] = ()
     """What a person should know, the newest last."""
-    origin_wxyz: tuple[float, float, float, float] | None = None
-    """Orientation at the first end point that counts; None before it."""
-    half_width_deg: float | None = None
-    """Half of the confidence interval's width, before its ends were cut."""
-    target_half_width_deg: float | None = None
-    """Half-width that the capture aims at; None without ``--until``."""
-    more_cycles: int | None = None
-    """How many more cycles the interval's formula asks for to reach the target; None where it cannot be said."""
-    summary: str = ""
-    """The result in a sentence, once ``finished``."""
     alarms: tuple[Alarm, ...] = ()
     """What is wrong now, the most urgent first."""
     marks: tuple[OperatorMark, ...] = ()
     """The last markers and notes."""
-    window: WindowView | None = None
-    """The trial window; None where the operator set none."""
     guide: GuideView | None = None
     """Step of a guided trial; None without a guide."""
-    replayed: bool = False
-    """Whether this is a recording: its operator has done what there was to do."""
 
-    @property
-    def n_cycles(self) -> int:
-        """Cycles so far."""
-        return max(0, self.n_endpoints - 1)
+    def with_cycles(self, cycles: tuple[CycleRow, ...]) -> TrialState:
+        """Return the same moment with other cycles: they may be hundreds, and travel to the screen only when new."""
+        return replace(self, score=replace(self.score, cycles=cycles))

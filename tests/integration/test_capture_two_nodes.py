@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from host.capture.loop import CaptureSettings
+from host.capture.settings import CaptureSettings
 from host.capture.several import capture_several
 from host.recording.load import load_trial
 from host.screen.dashboard.picture import View, picture
@@ -31,7 +31,7 @@ class BothScreen(QuietScreen):
 
     def actions(self):
         second = self.states.get(1)
-        if self._pressed or second is None or second.n_cycles < 1:
+        if self._pressed or second is None or second.score.n_cycles < 1:
             return []
         self._pressed = True
         return [ScreenAction("note", 1, "only the ball")]

@@ -64,8 +64,8 @@ def holders(device):
 
 @pytest.mark.skipif(not LINUX, reason="reads /proc")
 def test_captures_in_one_process_leave_no_thread_and_no_descriptor(tmp_path):
-    from host.capture.loop import CaptureSettings
     from host.capture.run import run_capture
+    from host.capture.settings import CaptureSettings
     from host.screen.screens import QuietScreen
 
     def descriptors():

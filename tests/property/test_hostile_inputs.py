@@ -23,14 +23,16 @@ from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Event, EventKind, Info, Orientation, OrientationFlag, Status
 from firmware_protocol.serial.decoder import StreamDecoder
 from firmware_protocol.serial.framing import MAX_PIECE_BYTES, encode_frame
+from host.capture.operator_desk import OperatorDesk
+from host.capture.snapshot import Snapshots
 from host.cards.definitions import load_cards
 from host.errors import HostError
 from host.links.transport import Chunk
-from host.screen.dashboard.picture import render
+from host.screen.dashboard.picture import View, picture
 from host.stream.samples import SampleAssembler
 from host.text import plain
 from host.trial.live import Trial
-from host.trial.state import LinkView
+from host.trial.state import LinkView, RecordingView
 from tests.can_traffic import object_at, sample_packets, timed
 from tests.fuzz.mutation import mutated, seeds_of
 from tests.fuzz.targets import TARGETS, check_ledger
@@ -220,10 +222,12 @@ def test_a_hostile_name_reaches_no_screen():
     packet = encode_packet(Info(device_id=1, boot_id=2, name="X" * 28)).replace(b"X" * 28, hostile)
     assert hostile in packet  # our encoder would refuse it; another's firmware may not
     trial.feed(Chunk(encode_frame(packet), 1))
-    state = trial.state(10**9, 1.0, LinkView(name=plain(HOSTILE)), (plain(HOSTILE, 200),))
+    link, recording = LinkView(name=plain(HOSTILE)), RecordingView(plain(HOSTILE))
+    state = Snapshots(trial, OperatorDesk(trial)).at(10**9, 1.0, link, recording, (plain(HOSTILE, 200),))
     stream = io.StringIO()
     console = Console(width=120, height=40, file=stream, force_terminal=True, color_system="truecolor")
-    console.print(render(state))
+    for line in picture((state,), View(), 120, 40):
+        console.print(line, no_wrap=True)
     shown = stream.getvalue()
     assert "owned" in shown  # as text
     assert "[bold red]" in shown or "[bold" in shown

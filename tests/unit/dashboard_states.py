@@ -11,18 +11,23 @@ from rich.console import Console
 
 from analysis.geometry import rotations
 from host.losses.ledger import LossReport
-from host.screen.dashboard.picture import Look, View, render
+from host.screen.dashboard.picture import Theme, View, picture
 from host.trial.state import (
     MISSED,
     OUTSIDE,
     Alarm,
+    ClockView,
+    CounterView,
     CycleRow,
     GuideView,
     LinkView,
     MotionView,
     OperatorMark,
     RecordingView,
+    ScoreView,
     SensorView,
+    StreamView,
+    TargetView,
     TrialState,
     WindowView,
 )
@@ -53,20 +58,21 @@ def cycles(n, step_deg=0.8):
     return tuple(rows)
 
 
-NOTHING = TrialState(title="rotdrift capture", target_cycles=20)
+NOTHING = TrialState(title="rotdrift capture", target=TargetView(cycles=20))
 ROWS = cycles(12)
 RUNNING = TrialState(
     title="rotdrift capture",
     elapsed_s=61.0,
-    n_endpoints=11,
-    cycles=ROWS,
-    theta_bar_deg=0.8125,
-    interval_deg=(0.61, 1.01),
-    half_width_deg=0.2,
-    target_half_width_deg=0.15,
-    more_cycles=6,
-    target_cycles=20,
-    origin_wxyz=ROWS[0].quat_wxyz,
+    target=TargetView(cycles=20, half_width_deg=0.15),
+    score=ScoreView(
+        n_endpoints=11,
+        cycles=ROWS,
+        theta_bar_deg=0.8125,
+        interval_deg=(0.61, 1.01),
+        half_width_deg=0.2,
+        more_cycles=6,
+        origin_wxyz=ROWS[0].quat_wxyz,
+    ),
     motion=MotionView("running", True, 4.0, 40.0, 0.6, (), 21.0),
     sensor=SensorView(
         name="[red]cube[/red]",
@@ -77,36 +83,32 @@ RUNNING = TrialState(
         heading_deg_per_min=0.5,
         floor_deg=0.05,
     ),
-    link=LinkView(
-        "serial:/dev/ttyACM0",
-        rate_hz=99.9,
-        expected_rate_hz=100.0,
-        losses=LossReport(6100, 6100),
-        segments=1,
+    stream=StreamView(rate_hz=99.9, losses=LossReport(6100, 6100), segments=1),
+    clock=ClockView(
         skew_ppm=12.3,
         jitter_p99_ms=0.31,
         jitter_p50_ms=0.04,
         offset_interval_ns=(8.9994e12, 8.999401e12),
-        clock_warm_up_s=17.2,
+        warm_up_s=17.2,
     ),
+    link=LinkView("serial:/dev/ttyACM0", expected_rate_hz=100.0),
     recording=RecordingView("rotdrift-trials/a.mcap", 1_500_000, None, 10**10),
     marks=(OperatorMark(31.0, "marker 1"),),
 )
 ALARM = replace(
     RUNNING,
-    link=replace(
-        RUNNING.link,
-        losses=LossReport(6100, 5978, 100, 20, 2),
-        crc_errors=20,
+    stream=StreamView(
         rate_hz=92.0,
+        losses=LossReport(6100, 5978, 100, 20, 2),
         segments=2,
         segment_reason="the object was reset",
         reconnects=1,
-        skew_ppm=None,
+        counters=CounterView(crc_errors=20),
     ),
+    clock=replace(RUNNING.clock, skew_ppm=None),
     sensor=replace(RUNNING.sensor, saturated=True),
     motion=replace(RUNNING.motion, flags=("axis ambiguous",)),
-    window=WindowView(5.0, None),
+    score=replace(RUNNING.score, window=WindowView(5.0, None)),
     warnings=("the link was lost and is open again; nothing came for 1.2 s",),
     alarms=(
         Alarm("reorientation", "cycle 11 moved it 8.1°: dropped, regrasped? (x: exclude)"),
@@ -124,55 +126,69 @@ CROWDED = replace(
     ),
     link=replace(ALARM.link, connected=False),
 )
-BELOW_FLOOR = replace(RUNNING, alarms=(FLOOR,), target_half_width_deg=None, target_cycles=None)
+BELOW_FLOOR = replace(RUNNING, alarms=(FLOOR,), target=TargetView())
 WINDOW = replace(
     RUNNING,
-    window=WindowView(24.0, 49.0),
-    n_endpoints=6,
-    origin_wxyz=ROWS[5].quat_wxyz,
-    cycles=tuple(
-        replace(row, excluded=MISSED, step_deg=2.5)
-        if k == 8
-        else replace(row, excluded=row.excluded if 5 < k < 11 else OUTSIDE)
-        for k, row in enumerate(ROWS)
+    target=TargetView(),
+    score=replace(
+        RUNNING.score,
+        window=WindowView(24.0, 49.0),
+        n_endpoints=6,
+        origin_wxyz=ROWS[5].quat_wxyz,
+        cycles=tuple(
+            replace(row, excluded=MISSED, step_deg=2.5)
+            if k == 8
+            else replace(row, excluded=row.excluded if 5 < k < 11 else OUTSIDE)
+            for k, row in enumerate(ROWS)
+        ),
     ),
-    link=replace(RUNNING.link, reconnects=1),
+    stream=replace(RUNNING.stream, reconnects=1),
     warnings=(
         "serial:/dev/ttyACM0 is gone (device reports readiness to read but returned no data: unplugged, or in use)",
         "the link was lost and is open again; nothing came for 4.1 s",
     ),
     marks=(),
-    target_half_width_deg=None,
-    target_cycles=None,
 )
 REFUSED = replace(
     RUNNING,
-    finished=True,
-    theta_bar_deg=None,
-    interval_deg=None,
-    summary="no score: the motion does not repeat (confidence 0.11): it is not one rotation back and forth",
+    score=replace(
+        RUNNING.score,
+        finished=True,
+        theta_bar_deg=None,
+        interval_deg=None,
+        summary="no score: the motion does not repeat (confidence 0.11): it is not one rotation back and forth",
+    ),
 )
 GUIDED = replace(RUNNING, guide=GuideView(3, 5, "let it turn", "10 of 20 cycles", 0.5))
 FINISHED = replace(
     RUNNING,
-    finished=True,
-    theta_bar_deg=0.8102,
-    summary="live 0.812°, the result differs by -0.002°",
+    score=replace(
+        RUNNING.score, finished=True, theta_bar_deg=0.8102, summary="live 0.812°, the result differs by -0.002°"
+    ),
 )
 SECOND = replace(
-    RUNNING, sensor=replace(RUNNING.sensor, name="ball"), theta_bar_deg=2.5, alarms=ALARM.alarms[1:], cycles=ROWS[:5]
+    RUNNING,
+    sensor=replace(RUNNING.sensor, name="ball"),
+    score=replace(RUNNING.score, theta_bar_deg=2.5, cycles=ROWS[:5]),
+    alarms=ALARM.alarms[1:],
 )
+BUS = replace(
+    RUNNING,
+    stream=replace(RUNNING.stream, counters=CounterView(misnumbered=256, unnumbered=3, wrong_lengths=1)),
+    link=LinkView("can:socketcan:can0?node=3", expected_rate_hz=100.0),
+)
+REPLAYED = replace(RUNNING, title="rotdrift replay", recording=replace(RUNNING.recording, replayed=True))
 
 SNAPSHOTS = {
     "nothing-80x24": ((NOTHING,), View(), 80, 24, False),
     "running-80x24": ((RUNNING,), View(), 80, 24, False),
     "running-80x24-colour": ((RUNNING,), View(), 80, 24, True),
-    "running-80x24-light": ((RUNNING,), View(look=Look(light=True)), 80, 24, True),
+    "running-80x24-light": ((RUNNING,), View(theme=Theme(light=True)), 80, 24, True),
     "running-100x30": ((RUNNING,), View(), 100, 30, False),
     "running-120x36": ((RUNNING,), View(), 120, 36, False),
     "running-200x60": ((RUNNING,), View(), 200, 60, False),
-    "running-80x24-ascii": ((RUNNING,), View(look=Look(ascii_only=True)), 80, 24, False),
-    "running-120x36-ascii": ((RUNNING,), View(look=Look(ascii_only=True)), 120, 36, False),
+    "running-80x24-ascii": ((RUNNING,), View(theme=Theme(ascii_only=True)), 80, 24, False),
+    "running-120x36-ascii": ((RUNNING,), View(theme=Theme(ascii_only=True)), 120, 36, False),
     "alarm-80x24": ((ALARM,), View(), 80, 24, False),
     "alarm-200x60": ((ALARM,), View(), 200, 60, False),
     "alarms-many-80x24": ((CROWDED,), View(), 80, 24, False),
@@ -184,7 +200,9 @@ SNAPSHOTS = {
     "prompt-80x24": ((RUNNING,), View(prompt="leave out cycle 11, because", typed="it slip"), 80, 24, False),
     "help-80x24": ((RUNNING,), View(help_open=True, paused=True), 80, 24, False),
     "finished-80x24": ((FINISHED,), View(), 80, 24, False),
-    "replay-80x24": ((replace(RUNNING, title="rotdrift replay", replayed=True),), View(), 80, 24, False),
+    "replay-80x24": ((REPLAYED,), View(), 80, 24, False),
+    "bus-80x24": ((BUS,), View(), 80, 24, False),
+    "bus-120x36": ((BUS,), View(), 120, 36, False),
     "refused-80x24": ((REFUSED,), View(), 80, 24, False),
 }
 """Name -> states, view, width, height, with colour."""
@@ -202,7 +220,8 @@ def draw(name):
         legacy_windows=False,
         _environ={},
     )
-    console.print(render(states, view))
+    for line in picture(states, view, width, height):
+        console.print(line, no_wrap=True)
     lines = console.file.getvalue().split("\n")
     return "\n".join(line.rstrip() for line in lines).rstrip("\n") + "\n"
 

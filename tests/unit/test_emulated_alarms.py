@@ -40,7 +40,7 @@ def only(log, kind, sentence):
 def test_an_ordinary_trial_raises_none(name):
     motion = {} if name == "fast" else {"cycles": 8}
     log, state = watched(virtual_chunks(scenario(name, motion=motion), CHUNK_S)[0])
-    assert state.n_cycles >= 7
+    assert state.score.n_cycles >= 7
     assert log.raised == []
 
 
@@ -74,7 +74,7 @@ def test_a_shrinking_swing():
 def test_a_slip_in_the_hand():
     log, state = alarms_of(name="slip")
     when_s = only(log, "reorientation", r"cycle 6 moved it 8\.\d°: dropped, regrasped\? \(x: exclude\)")
-    slipped = state.cycles[6]
+    slipped = state.score.cycles[6]
     assert slipped.time_s < when_s < slipped.time_s + 0.5  # told as soon as the cycle is known
 
 
@@ -96,7 +96,7 @@ def test_losses_above_the_limit_and_their_end():
 def test_few_losses_raise_none():
     faults = FaultSettings(drop_probability=0.002)
     log, state = alarms_of(faults)
-    assert state.link.losses.missing > 0
+    assert state.stream.losses.missing > 0
     assert log.raised == []
 
 
@@ -104,8 +104,8 @@ def test_a_clock_that_jumps():
     faults = FaultSettings(at=(TimedFault(kind="clock-step", at_s=6.3, by_s=-40.0),))
     log, state = alarms_of(faults)
     only(log, "clock", r"the device clock stepped; the host's clock places what follows")
-    assert state.link.segments == 2
-    assert state.n_cycles >= 11
+    assert state.stream.segments == 2
+    assert state.score.n_cycles >= 11
 
 
 def test_an_object_that_is_reset():
@@ -128,7 +128,7 @@ def test_a_drift_below_the_floor_of_the_sensor():
     log, state = alarms_of(baseline=baseline, drift={"mode": "none"}, imu=imu)
     sentence = r"θ̄ is below the sensor's floor of 0\.1\d*°, no drift at all looks the same; more cycles help"
     only(log, "floor", sentence)
-    assert state.theta_bar_deg < state.sensor.floor_deg
+    assert state.score.theta_bar_deg < state.sensor.floor_deg
     drifting, _ = alarms_of(baseline=baseline, imu=imu)
     assert drifting.raised == []
 
@@ -136,8 +136,8 @@ def test_a_drift_below_the_floor_of_the_sensor():
 def test_a_cable_that_is_pulled_is_counted_and_no_slip():
     faults = FaultSettings(at=(TimedFault(kind="unplug", at_s=7.2, for_s=3.0),))
     log, state = alarms_of(faults)
-    assert state.link.reconnects == 1
+    assert state.stream.reconnects == 1
     assert set(log.kinds) == {"losses", "link"}
     # The step over the cycles that nobody saw is no step: it must not make the drift look larger.
-    assert [row.excluded for row in state.cycles if row.excluded] == [MISSED]
-    assert state.theta_bar_deg == pytest.approx(0.8, abs=0.05)
+    assert [row.excluded for row in state.score.cycles if row.excluded] == [MISSED]
+    assert state.score.theta_bar_deg == pytest.approx(0.8, abs=0.05)

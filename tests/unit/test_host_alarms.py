@@ -5,7 +5,7 @@ from dataclasses import replace
 from host.capture.alarms import HOLD_S, AlarmWatch
 from host.capture.guide import Guide, GuideSettings
 from host.losses.ledger import LossReport
-from host.trial.state import CycleRow, LinkView, MotionView, SensorView, TrialState
+from host.trial.state import CycleRow, LinkView, MotionView, ScoreView, SensorView, StreamView, TrialState
 
 STEP_S = 0.5
 
@@ -16,9 +16,7 @@ def row(number, step_deg=0.8, flags=()):
 
 def state(n=6, swing=40.0, rate=20.0, flags=(), **changes):
     base = TrialState(
-        n_endpoints=n,
-        cycles=tuple(row(k) for k in range(n)),
-        theta_bar_deg=0.8 if n > 1 else None,
+        score=ScoreView(n, tuple(row(k) for k in range(n)), 0.8 if n > 1 else None),
         motion=MotionView("running", True, 4.0, swing, 0.5, flags, rate),
     )
     return replace(base, **changes)
@@ -77,7 +75,7 @@ def test_a_sudden_step_and_a_fall_are_told_for_a_while():
     watched = Watched()
     assert watched.see(state(6)) == ()
     slipped = state(7, rate=1.0)
-    slipped = replace(slipped, cycles=(*slipped.cycles[:-1], row(6, 8.0)))
+    slipped = slipped.with_cycles((*slipped.score.cycles[:-1], row(6, 8.0)))
     assert watched.see(slipped) == ("reorientation",)
     assert watched.see(slipped, HOLD_S - 2) == ("reorientation",)
     assert watched.see(slipped, 3.0) == ()
@@ -90,28 +88,29 @@ def test_a_pose_jump_is_sudden_too():
     watched = Watched()
     watched.see(state(3))
     jumped = state(4)
-    assert watched.see(replace(jumped, cycles=(*jumped.cycles[:-1], row(3, 2.0, ("pose jump",))))) == ("reorientation",)
+    jumped = jumped.with_cycles((*jumped.score.cycles[:-1], row(3, 2.0, ("pose jump",))))
+    assert watched.see(jumped) == ("reorientation",)
 
 
 def test_losses_count_over_the_last_seconds():
     watched = Watched()
-    clean = LinkView(losses=LossReport(produced=1000, received=1000))
-    assert watched.see(state(link=clean)) == ()
-    bad = LinkView(losses=LossReport(produced=1100, received=1080, lost=20))
-    assert watched.see(state(link=bad)) == ("losses",)
-    later = LinkView(losses=LossReport(produced=9000, received=8980, lost=20))
-    watched.see(state(link=later), 11.0)
-    assert watched.see(state(link=later)) == ()
+    clean = StreamView(losses=LossReport(produced=1000, received=1000))
+    assert watched.see(state(stream=clean)) == ()
+    bad = StreamView(losses=LossReport(produced=1100, received=1080, lost=20))
+    assert watched.see(state(stream=bad)) == ("losses",)
+    later = StreamView(losses=LossReport(produced=9000, received=8980, lost=20))
+    watched.see(state(stream=later), 11.0)
+    assert watched.see(state(stream=later)) == ()
 
 
 def test_silence_clock_saturation_and_floor():
     watched = Watched()
-    assert watched.see(state(link=LinkView(silent_s=3.0))) == ("link",)
-    assert watched.see(state(link=LinkView(silent_s=1.0))) == ("link",)
-    assert watched.see(state(link=LinkView(silent_s=0.1))) == ()
-    stepped = LinkView(segments=2, segment_reason="the device clock stepped")
-    assert watched.see(state(link=stepped, rate=1.0)) == ("clock",)
-    assert watched.see(state(link=stepped, rate=1.0), HOLD_S + 1) == ()
+    assert watched.see(state(stream=StreamView(silent_s=3.0))) == ("link",)
+    assert watched.see(state(stream=StreamView(silent_s=1.0))) == ("link",)
+    assert watched.see(state(stream=StreamView(silent_s=0.1))) == ()
+    stepped = StreamView(segments=2, segment_reason="the device clock stepped")
+    assert watched.see(state(stream=stepped, rate=1.0)) == ("clock",)
+    assert watched.see(state(stream=stepped, rate=1.0), HOLD_S + 1) == ()
     assert watched.see(state(sensor=SensorView(saturated=True))) == ("saturation",)
     assert watched.see(state(rate=1.0), HOLD_S + 1) == ()
     assert watched.see(state(sensor=SensorView(floor_deg=1.0))) == ("floor",)
@@ -121,7 +120,9 @@ def test_silence_clock_saturation_and_floor():
 
 def test_every_alarm_says_what_is_wrong_in_a_sentence():
     watch = AlarmWatch()
-    alarms = watch.update(state(link=LinkView(connected=False, silent_s=9.0), sensor=SensorView(saturated=True)))
+    alarms = watch.update(
+        state(link=LinkView(connected=False), stream=StreamView(silent_s=9.0), sensor=SensorView(saturated=True))
+    )
     assert [alarm.kind for alarm in alarms] == ["link", "saturation"]
     assert "9 s" in alarms[0].sentence
 

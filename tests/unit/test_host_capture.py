@@ -17,7 +17,8 @@ from firmware_protocol.packets import Ack, AckCode, GetInfo, Info
 from firmware_protocol.serial.decoder import StreamDecoder
 from firmware_protocol.serial.framing import encode_frame
 from host.capture import run as capture_run
-from host.capture.loop import Capture, CaptureSettings
+from host.capture.loop import Capture
+from host.capture.settings import CaptureSettings
 from host.errors import FileError, LinkError, LinkLostError, NoAnswerError, WrongObjectError
 from host.links.memory import MemoryTransport
 from host.links.transport import Chunk
@@ -171,7 +172,7 @@ def test_a_full_disk_is_told_and_loses_nothing(tmp_path, monkeypatch):
     outcome = bench.run()
     monkeypatch.undo()
     assert any("the disk is full" in warning for warning in outcome.warnings)
-    assert any("the disk is full" in said for said in bench.screen.said)
+    assert any("the disk is full" in sentence for sentence in bench.screen.reported)
     trial = load_trial(bench.path, outcome.unwritten)
     assert trial.losses.missing == 0
     assert len(trial.series) > 40

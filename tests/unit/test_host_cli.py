@@ -183,8 +183,8 @@ def test_an_output_that_knows_no_greek_is_no_failure(tmp_path):
         (["emulate", "--link", "pty:", "--faults-from-stdin", "--until-stdin-ends"], 2, "give one of the two"),
         (["emulate", "--link", "smoke:signals"], 2, "no link 'smoke:signals'"),
         (["emulate", "--link", "tcp:0", "--duration", "0"], 2, "duration"),
-        (["emulate", "--link", "tcp:0", "--seed", "-1"], 2, "-1 is no seed: give --seed from 0"),
-        (["demo", "--cycles", "1"], 2, "1 cycles make no demonstration"),
+        (["emulate", "--link", "tcp:0", "--seed", "-1"], 2, "-1 is not a valid seed: give --seed from 0"),
+        (["demo", "--cycles", "1"], 2, "1 is not a valid number of cycles"),
         (["demo", "--scenario", "nonsense"], 2, "two-hump, unplugged, or give the path"),
     ],
 )

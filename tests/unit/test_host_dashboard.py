@@ -8,16 +8,30 @@ from rich.cells import cell_len
 from rich.console import Console
 
 from host.losses.ledger import LossReport
+from host.screen.choice import _shows_ascii_only, open_screen
 from host.screen.dashboard.canvas import big_text
-from host.screen.dashboard.picture import Look, View, picture, render
+from host.screen.dashboard.picture import Theme, View, picture
 from host.screen.dashboard.score_panel import verdicts
-from host.screen.screens import LineScreen, QuietScreen, _shows_ascii_only, open_screen
-from host.trial.state import Alarm, CycleRow, GuideView, LinkView, MotionView, RecordingView, SensorView, TrialState
+from host.screen.screens import LineScreen, QuietScreen
+from host.trial.state import (
+    Alarm,
+    CycleRow,
+    GuideView,
+    LinkView,
+    MotionView,
+    RecordingView,
+    ScoreView,
+    SensorView,
+    StreamView,
+    TargetView,
+    TrialState,
+)
 
 
 def drawn(state, width=80, height=24, **options):
     console = Console(file=io.StringIO(), width=width, height=height, force_terminal=True, **options)
-    console.print(render(state), height=height)
+    for line in picture((state,), View(), width, height):
+        console.print(line, no_wrap=True)
     return console.file.getvalue()
 
 
@@ -34,16 +48,14 @@ def rows(n):
 RUNNING = TrialState(
     title="rotdrift capture",
     elapsed_s=61.0,
-    n_endpoints=12,
-    cycles=rows(12),
-    theta_bar_deg=0.8125,
-    interval_deg=(0.71, 0.92),
-    target_cycles=20,
+    target=TargetView(cycles=20),
+    score=ScoreView(n_endpoints=12, cycles=rows(12), theta_bar_deg=0.8125, interval_deg=(0.71, 0.92)),
     motion=MotionView("running", True, 4.0, 40.0),
     sensor=SensorView(
         name="[red]cube[/red]", still=False, temperature_c=31.25, battery_v=3.9, orientation_wxyz=(1, 0, 0, 0)
     ),
-    link=LinkView("serial:/dev/ttyACM0", rate_hz=99.9, expected_rate_hz=100.0, losses=LossReport(100, 98, 2)),
+    stream=StreamView(rate_hz=99.9, losses=LossReport(100, 98, 2)),
+    link=LinkView("serial:/dev/ttyACM0", expected_rate_hz=100.0),
     recording=RecordingView("a.mcap", 1_500_000, None, 10**10),
 )
 
@@ -85,14 +97,15 @@ def test_the_newest_cycles_are_kept_when_there_is_little_room():
 def test_waiting_and_finished_are_told_apart():
     assert "no data yet" in plain(TrialState())
     assert "so far" in plain(RUNNING)
-    finished = TrialState(theta_bar_deg=1.0, finished=True)
+    finished = TrialState(score=ScoreView(theta_bar_deg=1.0, finished=True))
     assert "the result" in plain(finished)
 
 
 def test_troubles_are_words_not_only_colours():
     text = plain(
         TrialState(
-            link=LinkView(connected=False, overflow_chunks=3, segments=3, reconnects=1),
+            link=LinkView(connected=False, overflow_chunks=3),
+            stream=StreamView(segments=3, reconnects=1),
             recording=RecordingView("a", 0, "the disk is full; 1.0 MB are kept in memory until it can be written"),
             sensor=SensorView(still=True, saturated=True),
             warnings=("something \x07happened",),
@@ -102,37 +115,43 @@ def test_troubles_are_words_not_only_colours():
         assert part in text, part
 
 
-def glance(**changes):
+NO_TARGET = TargetView()
+
+
+def glance(target=NO_TARGET, score=None, **changes):
     """The verdicts of a trial that is well, but for some changes."""
-    state = replace(RUNNING, sensor=replace(RUNNING.sensor, floor_deg=0.05), target_cycles=None)
+    sensor = replace(RUNNING.sensor, floor_deg=0.05)
+    state = replace(RUNNING, sensor=sensor, target=target, score=replace(RUNNING.score, **(score or {})))
     return [words for words, _ in verdicts(replace(state, **changes))]
 
 
 def test_a_glance_tells_connected_cycles_trust_and_enough():
     assert glance() == ["✓ connected", "✓ cycles", "✓ above the floor", "✓ enough to score"]
     assert [words for words, _ in verdicts(TrialState())] == ["… no data yet", "… needs 4 more cycles"]
-    link, motion, sensor = RUNNING.link, RUNNING.motion, RUNNING.sensor
-    assert glance(link=replace(link, connected=False))[0] == "! DISCONNECTED"
-    assert glance(link=replace(link, silent_s=3.2))[0] == "! silent for 3 s"
+    motion, sensor = RUNNING.motion, RUNNING.sensor
+    assert glance(link=replace(RUNNING.link, connected=False))[0] == "! DISCONNECTED"
+    assert glance(stream=replace(RUNNING.stream, silent_s=3.2))[0] == "! silent for 3 s"
     assert glance(alarms=(Alarm("no cycles", "..."),))[1] == "! no cycles found"
-    assert glance(cycles=(), n_endpoints=0, theta_bar_deg=None)[1:] == ["… no cycles yet", "… needs 4 more cycles"]
+    nothing = {"cycles": (), "n_endpoints": 0, "theta_bar_deg": None}
+    assert glance(score=nothing)[1:] == ["… no cycles yet", "… needs 4 more cycles"]
     assert glance(motion=replace(motion, flags=("pause",)))[1] == "… the hand rests"
     assert glance(sensor=sensor)[2] == "! floor unknown"
     assert glance(alarms=(Alarm("floor", "..."),))[2] == "! below the floor"
     assert glance(alarms=(Alarm("floor", "..."), Alarm("swing", "...")))[2] == "! see the alarm"
-    assert glance(target_cycles=12)[3] == "… 1 cycle to go"
-    assert glance(n_endpoints=4)[3] == "… needs 1 more cycle"
-    aim = {"half_width_deg": 0.3, "target_half_width_deg": 0.2}
-    assert glance(**aim, more_cycles=5)[3] == "… needs 5 more for ±0.2°"
-    assert glance(**aim, more_cycles=None)[3] == "! ±0.2° is out of reach"
-    assert glance(half_width_deg=0.2, target_half_width_deg=0.2)[3] == "✓ ±0.2° reached"
+    assert glance(TargetView(cycles=12))[3] == "… 1 cycle to go"
+    assert glance(score={"n_endpoints": 4})[3] == "… needs 1 more cycle"
+    narrow = TargetView(half_width_deg=0.2)
+    assert glance(narrow, {"half_width_deg": 0.3, "more_cycles": 5})[3] == "… needs 5 more for ±0.2°"
+    assert glance(narrow, {"half_width_deg": 0.3, "more_cycles": None})[3] == "! ±0.2° is out of reach"
+    assert glance(narrow, {"half_width_deg": 0.2})[3] == "✓ ±0.2° reached"
     assert glance(guide=GuideView(3, 5, "let it turn", ""))[2:] == ["✓ above the floor"]
-    assert glance(replayed=True)[0] == "✓ cycles"
-    assert glance(finished=True) == []
+    assert glance(recording=replace(RUNNING.recording, replayed=True))[0] == "✓ cycles"
+    assert glance(score={"finished": True}) == []
 
 
 def test_where_there_is_no_room_for_all_verdicts_trust_is_left_out():
-    state = replace(RUNNING, half_width_deg=0.3, target_half_width_deg=0.2, more_cycles=5)
+    score = replace(RUNNING.score, half_width_deg=0.3, more_cycles=5)
+    state = replace(RUNNING, target=TargetView(20, half_width_deg=0.2), score=score)
     assert "connected ─ ✓ cycles ─ ! floor unknown ─ … needs 5 more for ±0.2° ─" in plain(state, 80)
     assert "connected ─ ✓ cycles ─ … needs 5 more for ±0.2° ─" in plain(state, 70)
     assert "connected ─ … needs 5 more for ±0.2° ─" in plain(state, 50)
@@ -140,14 +159,15 @@ def test_where_there_is_no_room_for_all_verdicts_trust_is_left_out():
 
 @pytest.mark.parametrize("ascii_only", [False, True])
 def test_a_long_note_shows_where_it_is_typed(ascii_only):
-    view = View(Look(ascii_only), prompt="note", typed="the finger " * 12 + "日本 slipped")
+    view = View(Theme(ascii_only), prompt="note", typed="the finger " * 12 + "日本 slipped")
     line = picture((RUNNING,), view, 80, 24)[-1].plain.rstrip()
     assert line.endswith("slipped_  (Enter, Esc)")
     assert cell_len(line) <= 80
 
 
 def test_when_all_objects_are_finished_any_key_ends():
-    guided = replace(RUNNING, guide=GuideView(5, 5, "done", ""), finished=True)
+    finished = replace(RUNNING.score, finished=True)
+    guided = replace(RUNNING, guide=GuideView(5, 5, "done", ""), score=finished)
     ends = [picture((first, guided), View(), 80, 24)[-1].plain.rstrip() for first in (RUNNING, guided)]
     assert "q finish" in ends[0]
     assert ends[1] == "finished  any key ends"
@@ -172,7 +192,7 @@ def test_lines_say_each_cycle_once():
     for row in rows(3):
         screen.cycle(row)
     screen.update(RUNNING)
-    screen.say("the \x1b[2Jend")
+    screen.report("the \x1b[2Jend")
     screen.stop()
     lines = stream.getvalue().splitlines()
     assert len(lines) == 4
@@ -199,8 +219,8 @@ def test_a_reader_of_lines_that_went_away_does_not_end_the_capture():
     stream = io.StringIO()
     screen = LineScreen(stream)
     stream.close()
-    screen.say("nobody hears this")
-    screen.say("nor this")
+    screen.report("nobody hears this")
+    screen.report("nor this")
 
 
 @pytest.mark.parametrize(
@@ -222,8 +242,8 @@ def test_the_c_locale_and_the_bare_console_have_ascii_only(environment, ascii_on
 
 def test_without_a_terminal_there_are_lines_and_with_json_they_go_to_stderr(capsys):
     stream = io.StringIO()
-    open_screen(False, stream).say("here")
+    open_screen(False, stream).report("here")
     assert stream.getvalue() == "here\n"
-    open_screen(True, stream).say("there")
+    open_screen(True, stream).report("there")
     assert capsys.readouterr().err == "there\n"
-    QuietScreen().say("nowhere")
+    QuietScreen().report("nowhere")

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from rich.cells import cell_len
 
-from host.screen.dashboard.picture import Look, View, picture
+from host.screen.dashboard.picture import Theme, View, picture
 from tests.unit.dashboard_states import ALARM, FOLDER, GUIDED, NOTHING, RUNNING, SECOND, SNAPSHOTS, draw
 
 
@@ -20,14 +20,14 @@ def test_there_are_no_snapshots_of_nothing():
     assert {path.stem for path in FOLDER.glob("*.txt")} == set(SNAPSHOTS)
 
 
-@pytest.mark.parametrize("look", [Look(), Look(ascii_only=True)], ids=["unicode", "ascii"])
+@pytest.mark.parametrize("theme", [Theme(), Theme(ascii_only=True)], ids=["unicode", "ascii"])
 @pytest.mark.parametrize("size", [(80, 24), (60, 16), (109, 28), (110, 28), (111, 27), (200, 60), (300, 90), (40, 10)])
 @pytest.mark.parametrize("states", [(NOTHING,), (RUNNING,), (ALARM,), (GUIDED,), (RUNNING, SECOND) * 9])
-def test_every_line_has_the_width_of_the_terminal(states, size, look):
-    lines = picture(states, View(look=look, focus=1), *size)
+def test_every_line_has_the_width_of_the_terminal(states, size, theme):
+    lines = picture(states, View(theme=theme, focus=1), *size)
     assert len(lines) == size[1]
     assert {cell_len(line.plain) for line in lines} == {size[0]}
-    if look.ascii_only:
+    if theme.ascii_only:
         assert all(line.plain.isascii() for line in lines)
 
 
@@ -41,7 +41,7 @@ def test_colour_is_never_the_only_carrier():
 
 
 def test_more_cycles_than_fit_show_the_newest():
-    state = replace(RUNNING, cycles=tuple(replace(RUNNING.cycles[-1], number=k) for k in range(100, 300)))
+    state = RUNNING.with_cycles(tuple(replace(RUNNING.score.cycles[-1], number=k) for k in range(100, 300)))
     text = "\n".join(line.plain for line in picture((state,), View(), 80, 24))
     assert "   299 " in text
     assert "   200 " not in text
@@ -60,13 +60,13 @@ def test_long_names_keep_their_end():
 
 
 def test_what_is_remembered_of_a_drawing_follows_its_state():
-    """The same cycles drawn again are taken from memory; another size, look or origin is not."""
+    """The same cycles drawn again are taken from memory; another size, theme or origin is not."""
     first = picture((RUNNING,), View(), 120, 36)
-    changed = replace(RUNNING, origin_wxyz=RUNNING.cycles[5].quat_wxyz)
+    changed = replace(RUNNING, score=replace(RUNNING.score, origin_wxyz=RUNNING.score.cycles[5].quat_wxyz))
     assert [line.plain for line in picture((changed,), View(), 120, 36)] != [line.plain for line in first]
     for size in ((120, 36), (119, 36), (120, 36), (80, 24)):
-        for look in (Look(), Look(ascii_only=True), Look(light=True)):
-            fresh = replace(RUNNING, cycles=(*RUNNING.cycles,))
-            assert fresh.cycles is not RUNNING.cycles
-            again = picture((RUNNING,), View(look=look), *size)
-            assert again == picture((fresh,), View(look=look), *size)
+        for theme in (Theme(), Theme(ascii_only=True), Theme(light=True)):
+            fresh = RUNNING.with_cycles((*RUNNING.score.cycles,))
+            assert fresh.score.cycles is not RUNNING.score.cycles
+            again = picture((RUNNING,), View(theme=theme), *size)
+            assert again == picture((fresh,), View(theme=theme), *size)

@@ -20,10 +20,10 @@ from host.trial import operator as did
 from host.trial.live import Trial
 from host.trial.operator import OperatorAction, action_of, edits_of
 from host.trial.running_score import RunningScore
-from host.trial.state import OUTSIDE, CycleRow, TrialState, WindowView
+from host.trial.state import OUTSIDE, CycleRow, RecordingView, ScoreView, TrialState, WindowView
 
 ROW = CycleRow(4, 20.0, 4.0, 0.8, None, 0.8)
-RUNNING = (TrialState(n_endpoints=5, cycles=(ROW,)),)
+RUNNING = (TrialState(score=ScoreView(n_endpoints=5, cycles=(ROW,))),)
 
 
 def press(keys, states=RUNNING, reader=None):
@@ -69,10 +69,10 @@ def test_keys_typed_into_a_note_do_nothing_else():
 def test_excluding_names_the_cycle_on_the_screen_when_the_key_was_pressed():
     reader = KeyReader(View())
     reader.press("x", RUNNING)
-    later = (TrialState(n_endpoints=6, cycles=(ROW, replace(ROW, number=5))),)
+    later = (TrialState(score=ScoreView(n_endpoints=6, cycles=(ROW, replace(ROW, number=5)))),)
     actions = [action for key in "oops\r" for action in reader.press(key, later)]
     assert actions == [ScreenAction("exclude", 0, "oops", 4)]
-    left_out = (TrialState(n_endpoints=5, cycles=(replace(ROW, excluded="oops"),)),)
+    left_out = (TrialState(score=ScoreView(n_endpoints=5, cycles=(replace(ROW, excluded="oops"),))),)
     assert press(["x"], left_out)[1] == [ScreenAction("include", 0, "", 4)]
     reader, actions = press(["x"], (TrialState(),))
     assert actions == []
@@ -91,11 +91,11 @@ def test_focus_pause_help_and_finish():
     assert [action.kind for action in actions] == ["aside"]
     press(["q"], reader=reader)
     assert not reader.aside
-    assert press(["a"], (TrialState(finished=True),))[1] == [ScreenAction("close")]
+    assert press(["a"], (TrialState(score=ScoreView(finished=True)),))[1] == [ScreenAction("close")]
 
 
 def test_a_replay_is_only_shown():
-    replayed = (replace(RUNNING[0], replayed=True),)
+    replayed = (replace(RUNNING[0], recording=RecordingView(replayed=True)),)
     reader, actions = press("mnsx", replayed)
     assert actions == []
     assert (reader.view.prompt, reader.view.message) == ("", "a recording is only shown")
@@ -103,7 +103,7 @@ def test_a_replay_is_only_shown():
 
 
 def test_while_one_of_several_goes_on_the_keys_work():
-    states = (replace(RUNNING[0], finished=True), RUNNING[0])
+    states = (TrialState(score=ScoreView(finished=True)), RUNNING[0])
     assert [action.kind for action in press("fq", states)[1]] == ["focus", "finish"]
     assert [action.kind for action in press("q", (states[0], states[0]))[1]] == ["close"]
 
@@ -216,13 +216,13 @@ def test_the_desk_records_every_action():
     desk = OperatorDesk(trial, recorded.append, marked.append)
     kinds = ("marker", "pause", "resume", "focus", "help", "window", "window", "marker")
     for kind in kinds:
-        desk.take(ScreenAction(kind))
-    desk.take(ScreenAction("note", 0, "hello"))
-    desk.take(ScreenAction("exclude", 0, "bad", 3))
-    desk.take(ScreenAction("include", 0, "", 3))
-    desk.take(ScreenAction("exclude", 0, "none such", 77))
+        desk.process(ScreenAction(kind))
+    desk.process(ScreenAction("note", 0, "hello"))
+    desk.process(ScreenAction("exclude", 0, "bad", 3))
+    desk.process(ScreenAction("include", 0, "", 3))
+    desk.process(ScreenAction("exclude", 0, "none such", 77))
     assert not desk.finished
-    desk.take(ScreenAction("finish"))
+    desk.process(ScreenAction("finish"))
     assert desk.finished
     assert marked == [1, 2]
     assert [action.kind for action in recorded] == [

@@ -107,8 +107,8 @@ def test_ros_opens_the_recording_and_reads_every_channel(recording):
 def test_the_reader_of_bags_finds_the_same_orientations_as_the_raw_bytes(tmp_path):
     pytest.importorskip("rosbags")
     from analysis.formats import read_series
-    from host.capture.loop import CaptureSettings
     from host.capture.run import run_capture
+    from host.capture.settings import CaptureSettings
     from host.recording.load import load_trial
     from host.screen.screens import QuietScreen
     from tests.recorded_trials import scenario, virtual_chunks, write_recording

@@ -27,12 +27,12 @@ def test_keys_come_one_by_one_until_it_is_given_back(device):
     window, program = device
     before = termios.tcgetattr(program)
     terminal = Terminal(program)
-    terminal.take()
+    terminal.acquire()
     local = termios.tcgetattr(program)[3]
     assert not local & (termios.ICANON | termios.ECHO)
     assert local & termios.ISIG  # Control-C stays what it is
-    terminal.take()  # once more, as after the process was stopped
-    terminal.give_back()
+    terminal.acquire()  # once more, as after the process was stopped
+    terminal.release()
     assert termios.tcgetattr(program) == before
     del window
 
@@ -40,23 +40,23 @@ def test_keys_come_one_by_one_until_it_is_given_back(device):
 def test_modes_that_a_shell_has_set_meanwhile_are_the_shell_s(device):
     _, program = device
     terminal = Terminal(program)
-    terminal.take()
+    terminal.acquire()
     its_own = termios.tcgetattr(program)
     its_own[3] |= termios.ECHO
     termios.tcsetattr(program, termios.TCSANOW, its_own)
     its_own = termios.tcgetattr(program)
-    terminal.give_back()
+    terminal.release()
     assert termios.tcgetattr(program) == its_own
 
 
 def test_a_terminal_that_takes_nothing_is_not_waited_for(device):
     _, program = device
     terminal = Terminal(program)
-    terminal.take()
+    terminal.acquire()
     taken = -1
     while taken:
         taken = terminal.write(b"x" * 10_000)  # nobody reads: its buffer is full soon
-    terminal.give_back()
+    terminal.release()
 
 
 def test_a_terminal_that_is_gone_says_so():
@@ -64,7 +64,7 @@ def test_a_terminal_that_is_gone_says_so():
     terminal = Terminal(program)
     os.close(window)
     for use in (
-        terminal.take,
+        terminal.acquire,
         terminal.size,
         terminal.in_foreground,
         lambda: terminal.write(b"x"),

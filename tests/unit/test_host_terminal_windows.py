@@ -53,17 +53,18 @@ def windows(monkeypatch, tmp_path):
 def test_it_writes_understands_escapes_and_gives_the_console_back(windows):
     module, console, device = windows
     terminal = module.Terminal(1)
+    terminal.acquire()
     assert console.mode == 3 | 4  # escape sequences are understood from here on
-    terminal.take()
     assert terminal.size() == (132, 43)
     data = (module.ENTER + "θ̄ = 0.8°").encode()
     assert terminal.write(data) == len(data)
-    terminal.give_back()
+    terminal.release()
     assert console.mode == 3
     assert device.read_bytes() == data
     assert module.in_foreground(1)
-    assert module.save_modes(1) is None
-    module.restore(1, None)
+    terminal = module.Terminal(1)
+    terminal.rescue()
+    terminal.release()
     assert device.read_text(encoding="utf-8") == module.LEAVE
 
 
@@ -76,4 +77,4 @@ def test_keys_come_as_typed_and_special_keys_mean_nothing(windows):
     console.keys = ["\ud83d", "\ude00"]  # one character in two halves
     assert terminal.read(0.0) == "😀"
     assert terminal.in_foreground()
-    terminal.give_back()
+    terminal.release()

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from host.capture.operator_desk import OperatorDesk
 from host.capture.playback import play
+from host.capture.snapshot import Snapshots
 from host.links.transport import Chunk
 from host.recording.load import assemble
 from host.recording.replay_link import ReplayTransport
@@ -14,9 +16,11 @@ from host.stream.decoding import Link
 from host.stream.rate import RateMeter
 from host.trial.live import Trial
 from host.trial.running_score import MAX_ROWS
-from host.trial.state import LinkView
+from host.trial.state import LinkView, RecordingView
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
 from tests.watched_trials import watched
+
+NO_LINK = LinkView()
 
 
 @pytest.fixture(scope="module")
@@ -43,20 +47,25 @@ def test_cycles_are_found_while_they_happen_and_agree_with_the_truth(default):
     assert rows[-1].theta_bar_deg == pytest.approx(offline.theta_bar_deg, abs=0.02)
 
 
+def state_of(trial, now_ns, link=NO_LINK, warnings=()):
+    return Snapshots(trial, OperatorDesk(trial)).at(now_ns, 12.5, link, RecordingView(), warnings)
+
+
 def test_the_state_tells_what_a_screen_needs(default):
     chunks, _ = default
-    trial, rows = followed(chunks, target_cycles=20)
+    trial, rows = followed(chunks)
     now_ns = chunks[-1].host_time_ns
-    state = trial.state(now_ns, 12.5, LinkView(name="memory:", expected_rate_hz=100.0), ("careful",))
-    assert state.n_cycles == 7
-    assert state.cycles == tuple(rows)
-    assert state.theta_bar_deg == rows[-1].theta_bar_deg
-    assert state.interval_deg[0] < state.theta_bar_deg < state.interval_deg[1]
+    state = state_of(trial, now_ns, LinkView(name="memory:", expected_rate_hz=100.0), ("careful",))
+    score = state.score
+    assert score.n_cycles == 7
+    assert score.cycles == tuple(rows)
+    assert score.theta_bar_deg == rows[-1].theta_bar_deg
+    assert score.interval_deg[0] < score.theta_bar_deg < score.interval_deg[1]
     assert state.motion.period_s == pytest.approx(4.0, abs=0.02)
     assert state.motion.swing_deg == pytest.approx(40.0, abs=1.0)
     assert state.sensor.name == "virtual cube"
-    assert state.link.rate_hz == pytest.approx(100.0, rel=0.02)
-    assert state.link.losses.missing == 0
+    assert state.stream.rate_hz == pytest.approx(100.0, rel=0.02)
+    assert state.stream.losses.missing == 0
     assert state.warnings == ("careful",)
     hash(state)  # frozen all the way down
 
@@ -67,10 +76,10 @@ def test_rows_are_bounded_however_long_the_trial(default):
     )
     trial, rows = followed(chunks)
     assert len(rows) > MAX_ROWS
-    state = trial.state(chunks[-1].host_time_ns, 1.0, LinkView())
-    assert len(state.cycles) == MAX_ROWS
-    assert state.cycles[-1] == rows[-1]
-    assert state.n_endpoints == len(rows)
+    score = state_of(trial, chunks[-1].host_time_ns).score
+    assert len(score.cycles) == MAX_ROWS
+    assert score.cycles[-1] == rows[-1]
+    assert score.n_endpoints == len(rows)
 
 
 def test_a_replay_goes_through_the_same_path(default, tmp_path):
@@ -83,7 +92,7 @@ def test_a_replay_goes_through_the_same_path(default, tmp_path):
         signals.stop.set()
         assert not play(transport, Trial(), screen, signals.stop)
     at = chunks[-1].host_time_ns
-    assert again.state(at, 1.0, LinkView()) == live.state(at, 1.0, LinkView())
+    assert state_of(again, at) == state_of(live, at)
 
 
 def test_the_score_of_a_recording_has_where_it_came_from(default):
@@ -179,13 +188,13 @@ def test_two_humps_a_cycle_are_one_cycle_once_the_pattern_is_known():
     """The first humps look like cycles of their own; they are taken back, and the rows begin again."""
     chunks, truth = virtual_chunks(scenario("two-hump", motion={"cycles": 12}))
     trial, _ = followed(chunks)
-    state = trial.state(chunks[-1].host_time_ns, 0.0, LinkView())
-    numbers = [row.number for row in state.cycles]
+    score = state_of(trial, chunks[-1].host_time_ns).score
+    numbers = [row.number for row in score.cycles]
     assert numbers == list(range(len(numbers)))
     true_s = np.diff([point["time_s"] for point in truth["endpoints"]])
-    periods_s = [row.period_s for row in state.cycles[1:]]
+    periods_s = [row.period_s for row in score.cycles[1:]]
     np.testing.assert_allclose(periods_s, np.median(true_s), atol=0.2)
-    assert state.theta_bar_deg == pytest.approx(truth["theta_bar_deg"], abs=0.1)
+    assert score.theta_bar_deg == pytest.approx(truth["theta_bar_deg"], abs=0.1)
 
 
 def test_the_rest_before_the_motion_tells_the_floor_of_the_sensor():

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.style import Style
 from rich.text import Text
 
-from host.screen.dashboard.theme import Look
+from host.screen.dashboard.theme import Theme
 
 _BRAILLE = 0x2800
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
@@ -18,14 +20,14 @@ class Canvas:
     ----------
     width, height : int
         In cells.
-    look : Look
+    theme : Theme
         Decides between braille and ASCII.
     """
 
-    def __init__(self, width: int, height: int, look: Look) -> None:
+    def __init__(self, width: int, height: int, theme: Theme) -> None:
         self.cells_wide, self.cells_high = max(0, width), max(0, height)
-        self._look = look
-        self._per_x, self._per_y = (1, 1) if look.ascii_only else (2, 4)
+        self._theme = theme
+        self._per_x, self._per_y = (1, 1) if theme.ascii_only else (2, 4)
         self._bits: dict[tuple[int, int], int] = {}
         self._letters: dict[tuple[int, int], str] = {}
         self._styles: dict[tuple[int, int], Style] = {}
@@ -46,15 +48,16 @@ class Canvas:
         if place is None:
             return
         column, row = place
-        if self._look.ascii_only:
+        if self._theme.ascii_only:
             self._letters.setdefault((column, row), mark)
         else:
             down = self.height - 1 - round(y)
             self._bits[place] = self._bits.get(place, 0) | _DOTS[round(x) % 2][down % 4]
-        self._styles[place] = self._look.styles[meaning]
+        self._styles[place] = self._theme.styles[meaning]
 
-    def line(self, x0: float, y0: float, x1: float, y1: float, meaning: str, mark: str = "*") -> None:
-        """Draw a straight line."""
+    def line(self, start: Sequence[float], end: Sequence[float], meaning: str, mark: str = "*") -> None:
+        """Draw a straight line between two points (x, y)."""
+        (x0, y0), (x1, y1) = start, end
         steps = max(1, round(max(abs(x1 - x0), abs(y1 - y0))))
         for k in range(min(steps, 1000) + 1):
             self.dot(x0 + (x1 - x0) * k / steps, y0 + (y1 - y0) * k / steps, meaning, mark)
@@ -64,10 +67,10 @@ class Canvas:
         place = self._cell(x, y)
         if place is not None:
             self._letters[place] = letter
-            self._styles[place] = self._look.styles[meaning]
+            self._styles[place] = self._theme.styles[meaning]
 
     def lines(self) -> list[Text]:
-        """Give the picture, a text per row of cells."""
+        """Return the picture, a text per row of cells."""
         return [self._row(row) for row in range(self.cells_high)]
 
     def _cell(self, x: float, y: float) -> tuple[int, int] | None:
@@ -91,38 +94,17 @@ class Canvas:
         return line.append(run, style)
 
 
-_GLYPHS = {
-    "0": ("█▀█", "█ █", "█▄█"),
-    "1": (" ▀█", "  █", " ▄█"),
-    "2": ("▀▀█", "█▀▀", "█▄▄"),
-    "3": ("▀▀█", " ▀█", "▄▄█"),
-    "4": ("█ █", "▀▀█", "  █"),
-    "5": ("█▀▀", "▀▀█", "▄▄█"),
-    "6": ("█▀▀", "█▀█", "█▄█"),
-    "7": ("▀▀█", "  █", "  █"),
-    "8": ("█▀█", "█▀█", "█▄█"),
-    "9": ("█▀█", "▀▀█", "▄▄█"),
-    ".": (" ", " ", "▄"),
-    "-": ("   ", "▀▀▀", "   "),
-    "°": ("▄▄", "▀▀", "  "),
-    " ": (" ", " ", " "),
-}
-_ASCII_GLYPHS = {
-    "0": (" _ ", "| |", "|_|"),
-    "1": ("   ", "  |", "  |"),
-    "2": (" _ ", " _|", "|_ "),
-    "3": (" _ ", " _|", " _|"),
-    "4": ("   ", "|_|", "  |"),
-    "5": (" _ ", "|_ ", " _|"),
-    "6": (" _ ", "|_ ", "|_|"),
-    "7": (" _ ", "  |", "  |"),
-    "8": (" _ ", "|_|", "|_|"),
-    "9": (" _ ", "|_|", " _|"),
-    ".": (" ", " ", "."),
-    "-": ("   ", " _ ", "   "),
-    "°": ("deg", "   ", "   "),
-    " ": (" ", " ", " "),
-}
+_CHARACTERS = "0123456789.-° "
+_BLOCKS = (
+    "█▀█: ▀█:▀▀█:▀▀█:█ █:█▀▀:█▀▀:▀▀█:█▀█:█▀█: :   :▄▄: ",
+    "█ █:  █:█▀▀: ▀█:▀▀█:▀▀█:█▀█:  █:█▀█:▀▀█: :▀▀▀:▀▀: ",
+    "█▄█: ▄█:█▄▄:▄▄█:  █:▄▄█:█▄█:  █:█▄█:▄▄█:▄:   :  : ",
+)
+_STROKES = (
+    " _ :   : _ : _ :   : _ : _ : _ : _ : _ : :   :deg: ",
+    "| |:  |: _|: _|:|_|:|_ :|_ :  |:|_|:|_|: : _ :   : ",
+    "|_|:  |:|_ : _|:  |: _|:|_|:  |:|_|: _|:.:   :   : ",
+)
 
 
 def big_text(text: str, ascii_only: bool = False) -> tuple[str, str, str]:
@@ -145,9 +127,10 @@ def big_text(text: str, ascii_only: bool = False) -> tuple[str, str, str]:
     ValueError
         There is no figure for a character.
     """
-    glyphs = _ASCII_GLYPHS if ascii_only else _GLYPHS
-    unknown = sorted(set(text) - set(glyphs))
+    unknown = sorted(set(text) - set(_CHARACTERS))
     if unknown:
         raise ValueError(f"no large figure for {''.join(unknown)!r}")
-    top, middle, bottom = (" ".join(glyphs[character][line] for character in text) for line in range(3))
+    rows = [row.split(":") for row in (_STROKES if ascii_only else _BLOCKS)]
+    places = [_CHARACTERS.index(character) for character in text]
+    top, middle, bottom = (" ".join(row[place] for place in places) for row in rows)
     return top, middle, bottom

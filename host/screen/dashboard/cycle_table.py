@@ -8,7 +8,7 @@ from rich.cells import cell_len
 from rich.text import Text
 
 from host.screen.dashboard.boxes import Lines, block, once_a_cycle
-from host.screen.dashboard.theme import Look, Part
+from host.screen.dashboard.theme import Part, Theme
 from host.trial.state import MISSED, OUTSIDE, CycleRow, TrialState
 
 MIN_BAR, MAX_BAR = 6, 40
@@ -39,66 +39,56 @@ class _Columns:
 
 
 @once_a_cycle
-def cycle_table(state: TrialState, look: Look, width: int, height: int) -> Lines:
-    """Draw the newest cycles that fit.
-
-    Parameters
-    ----------
-    state : TrialState
-        The moment.
-    look : Look
-        Colours and characters.
-    width, height : int
-        Of the rectangle, heading included.
-    """
+def cycle_table(state: TrialState, theme: Theme, width: int, height: int) -> Lines:
+    """Draw the newest cycles that fit, below a heading."""
     columns = _Columns.that_fit(width)
-    head = f"{'cycle':>6}{'time':>10}{'period':>9}{'step deg' if look.ascii_only else 'step':>9} {'':{columns.bar}}"
+    head = f"{'cycle':>6}{'time':>10}{'period':>9}{'step deg' if theme.ascii_only else 'step':>9} {'':{columns.bar}}"
     if columns.theta:
-        head += f"{look.words('θ̄'):>{_THETA if look.ascii_only else _THETA + 1}}"  # ``format`` counts the bar over θ
-    lines = [look.text(head + ("  axis of step" if columns.axis else ""), "strong")]
-    rows = state.cycles[-max(1, height - 1) :]
-    longest = max((row.step_deg or 0.0 for row in state.cycles if not row.excluded), default=0.0)
-    lines += [_line(row, longest, columns, look, width) for row in rows]
+        head += f"{theme.words('θ̄'):>{_THETA if theme.ascii_only else _THETA + 1}}"  # ``format`` counts the bar over θ
+    lines = [theme.text(head + ("  axis of step" if columns.axis else ""), "strong")]
+    rows = state.score.cycles[-max(1, height - 1) :]
+    longest = max((row.step_deg or 0.0 for row in state.score.cycles if not row.excluded), default=0.0)
+    lines += [_line(row, longest, columns, theme, width) for row in rows]
     if not rows:
-        lines.append(look.text(f"  {_waiting(state)}", "quiet"))
-    return block(lines, width, height, look)
+        lines.append(theme.text(f"  {_waiting(state)}", "quiet"))
+    return block(lines, width, height, theme)
 
 
-def _line(row: CycleRow, longest_deg: float, columns: _Columns, look: Look, width: int) -> Text:
+def _line(row: CycleRow, longest_deg: float, columns: _Columns, theme: Theme, width: int) -> Text:
     odd = "quiet" if row.excluded else "doubtful" if row.flags else "plain"
     share = 1.0 if longest_deg <= 0 else min(1.0, (row.step_deg or 0.0) / longest_deg)
-    bar = _bar(share, columns.bar, bool(row.excluded), look) if row.step_deg else ""
+    bar = _bar(share, columns.bar, bool(row.excluded), theme) if row.step_deg else ""
     number = str(row.number) if row.number else "start"
     period = "" if row.period_s is None else f"{row.period_s:.3f} s"
     parts: list[Part] = [
         (f"{number:>6}{row.time_s:>8.2f} s{period:>9}", "quiet" if row.excluded else "plain"),
-        (f"{_angle(row.step_deg, look):>9} ", odd),
+        (f"{_angle(row.step_deg, theme):>9} ", odd),
         (f"{bar:{columns.bar}}", odd if odd != "plain" else "accent"),
     ]
     if columns.theta:
-        parts.append(f"{_angle(row.theta_bar_deg, look):>{_THETA}}")
-    line = look.join(*parts)
+        parts.append(f"{_angle(row.theta_bar_deg, theme):>{_THETA}}")
+    line = theme.join(*parts)
     note = row.excluded if row.excluded in {OUTSIDE, MISSED} else f"left out: {row.excluded}"
     note = note if row.excluded else ", ".join(row.flags)
     if columns.axis and row.step_axis is not None:
-        axis = look.join((f"  {look.vector(row.step_axis, 2 if columns.axis == _WIDE_AXIS else 1)}", "quiet"))
-        if not note or line.cell_len + axis.cell_len + 1 + cell_len(look.words(note)) <= width:  # a note goes before
+        axis = theme.join((f"  {theme.vector(row.step_axis, 2 if columns.axis == _WIDE_AXIS else 1)}", "quiet"))
+        if not note or line.cell_len + axis.cell_len + 1 + cell_len(theme.words(note)) <= width:  # a note goes before
             line.append_text(axis)
-    return line.append_text(look.join((f" {note}" if note else "", "doubtful")))
+    return line.append_text(theme.join((f" {note}" if note else "", "doubtful")))
 
 
-def _bar(share: float, cells: int, dashed: bool, look: Look) -> str:
+def _bar(share: float, cells: int, dashed: bool, theme: Theme) -> str:
     """Draw a share of so many cells, to half a cell where there are characters for it; never nothing."""
-    if dashed or look.ascii_only:
-        sign = ("x" if dashed else "=") if look.ascii_only else "┄"
+    if dashed or theme.ascii_only:
+        sign = ("x" if dashed else "=") if theme.ascii_only else "┄"
         return sign * max(1, round(share * cells))
     whole, half = divmod(max(1, round(2 * share * cells)), 2)
     return "━" * whole + "╸" * half
 
 
-def _angle(angle_deg: float | None, look: Look) -> str:
+def _angle(angle_deg: float | None, theme: Theme) -> str:
     """Write an angle with its sign of degrees; in ASCII the heading has the unit."""
-    return "" if angle_deg is None else f"{angle_deg:.3f}" + ("" if look.ascii_only else "°")
+    return "" if angle_deg is None else f"{angle_deg:.3f}" + ("" if theme.ascii_only else "°")
 
 
 def _waiting(state: TrialState) -> str:
@@ -113,22 +103,8 @@ MAX_OBJECTS = 16
 """More lines than this are not shown; the focus still reaches every object."""
 
 
-def object_rows(states: tuple[TrialState, ...], focus: int, look: Look, width: int, height: int) -> Lines:
-    """Draw a line per object; nothing where there is only one.
-
-    Parameters
-    ----------
-    states : tuple of TrialState
-        One per object.
-    focus : int
-        Which of them is shown whole.
-    look : Look
-        Colours and characters.
-    width : int
-        Of the line: what does not fit is left out.
-    height : int
-        How many lines there may be; the one in focus is among them.
-    """
+def object_rows(states: tuple[TrialState, ...], focus: int, theme: Theme, width: int, height: int) -> Lines:
+    """Draw a line per object, at most ``height``, the one in focus among them; nothing where there is only one."""
     if len(states) < 2:
         return []
     room = max(1, min(height, MAX_OBJECTS, len(states)))
@@ -136,19 +112,20 @@ def object_rows(states: tuple[TrialState, ...], focus: int, look: Look, width: i
     lines: Lines = []
     for index in range(first, first + room):
         state = states[index]
-        sign = (">" if look.ascii_only else "▶") if index == focus else " "
-        theta = "    - " if state.theta_bar_deg is None else f"{state.theta_bar_deg:6.2f}"
-        rate = "-" if state.link.rate_hz is None else f"{state.link.rate_hz:.0f} Hz"
+        sign = (">" if theme.ascii_only else "▶") if index == focus else " "
+        n, theta_deg = state.score.n_cycles, state.score.theta_bar_deg
+        theta = "    - " if theta_deg is None else f"{theta_deg:6.2f}"
+        rate = "-" if state.stream.rate_hz is None else f"{state.stream.rate_hz:.0f} Hz"
         name = state.sensor.name or "sensorized object"
         trouble = state.alarms[0].kind if state.alarms else "" if state.link.connected else "DISCONNECTED"
-        line = look.join(
+        line = theme.join(
             (f"{sign} {index + 1:2} ", "strong" if index == focus else "plain"),
-            f"{name[:16]:16} θ̄ {theta}° {state.n_cycles:4} {'cycle ' if state.n_cycles == 1 else 'cycles'} {rate:>8}  ",
+            f"{name[:16]:16} θ̄ {theta}° {n:4} {'cycle ' if n == 1 else 'cycles'} {rate:>8}  ",
         )
         parts: list[Part] = [
             (f"ALARM {trouble}" if trouble else "", "bad"),
-            "finished" if state.finished else state.motion.phase,
+            "finished" if state.score.finished else state.motion.phase,
             (state.link.name, "quiet"),
         ]
-        lines.append(line.append_text(look.listed(parts, width - line.cell_len)))
+        lines.append(line.append_text(theme.listed(parts, width - line.cell_len)))
     return lines

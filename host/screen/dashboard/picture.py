@@ -6,25 +6,21 @@ text is a :class:`rich.text.Text`, never a markup string. Colour is never the on
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from rich.console import Console, ConsoleOptions, Group, RenderableType
-
 from host.screen.dashboard.boxes import Lines, beside, block, fitted, framed, once_a_cycle
 from host.screen.dashboard.cycle_table import cycle_table, object_rows
 from host.screen.dashboard.drift_path import path_plot, sphere_plot
 from host.screen.dashboard.notices import bottom_line, guide_lines, help_lines, notice_lines
 from host.screen.dashboard.score_panel import score_panel
 from host.screen.dashboard.status_panel import status_panel
-from host.screen.dashboard.theme import Look
+from host.screen.dashboard.theme import Theme
 from host.screen.dashboard.view import View
 from host.trial.state import TrialState
 
-__all__ = ["Look", "View", "picture", "render"]
+__all__ = ["Theme", "View", "picture"]
 
 WIDE, TALL = 100, 28
 """From this size on the drift path and the sphere have panels of their own."""
-MIN_TABLE = 3
+MIN_TABLE, MIN_PANEL = 3, 6
 HELP_LINES = 18
 MIN_PLOT, MAX_PLOT = 30, 72
 """Width of the right column, cells."""
@@ -38,19 +34,19 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
     states : tuple of TrialState
         One per object, at least one.
     view : View
-        Focus, prompt, look.
+        Focus, prompt, theme.
     width, height : int
         Of the terminal.
     """
-    look = view.look
+    theme = view.theme
     focus = min(view.focus, len(states) - 1)
     state = states[focus]
     wide = width >= WIDE and height >= TALL
-    top = score_panel(state, look, width, with_path=not wide)
-    top += object_rows(states, focus, look, width, max(2, height // 6))
-    top += guide_lines(state, look, width)
-    notices = notice_lines(state, look, width)
-    foot = [*status_panel(state, look, width), bottom_line(view, states, focus, width)]
+    top = score_panel(state, theme, width, with_path=not wide)
+    top += object_rows(states, focus, theme, width, max(2, height // 6))
+    top += guide_lines(state, theme, width)
+    notices = notice_lines(state, theme, width)
+    foot = [*status_panel(state, theme, width), bottom_line(view, states, focus, width)]
     spare = height - len(top) - len(notices) - len(foot)
     if spare < MIN_TABLE or (view.help_open and spare < HELP_LINES):
         # A small terminal: what is wrong goes before the status.
@@ -58,66 +54,25 @@ def picture(states: tuple[TrialState, ...], view: View, width: int, height: int)
         spare = height - len(top) - len(notices) - len(foot)
     middle_height = max(1, spare)
     if view.help_open:
-        middle = help_lines(look, width, middle_height)
+        middle = help_lines(theme, width, middle_height)
     elif wide:
-        middle = _wide_middle(state, look, width, middle_height)
+        middle = _wide_middle(state, theme, width, middle_height)
     else:
-        middle = cycle_table(state, look, width, middle_height)
+        middle = cycle_table(state, theme, width, middle_height)
     lines = [*top, *notices, *middle, *foot]
-    return block([fitted(line, width, look) for line in lines[: height - 1]] + lines[-1:], width, height, look)
+    return block([fitted(line, width, theme) for line in lines[: height - 1]] + lines[-1:], width, height, theme)
 
 
 @once_a_cycle
-def _wide_middle(state: TrialState, look: Look, width: int, height: int) -> Lines:
+def _wide_middle(state: TrialState, theme: Theme, width: int, height: int) -> Lines:
     right = min(MAX_PLOT, max(MIN_PLOT, width * 9 // 20 - 15))
-    table = cycle_table(state, look, width - right - 1, height)
-    path_height = max(6, height * 2 // 5)
-    sphere_height = height - path_height
-    path = framed(
-        path_plot(state, look, right - 4, path_height - 2),
-        "rotation since the start",
-        right,
-        path_height,
-        look,
-    )
-    if sphere_height < 6:
-        path = framed(path_plot(state, look, right - 4, height - 2), "rotation since the start", right, height, look)
-        sphere: Lines = []
-    else:
-        sphere = framed(
-            sphere_plot(state, look, right - 4, sphere_height - 2),
-            "where the axes went",
-            right,
-            sphere_height,
-            look,
-        )
-    gap = block([], 1, height, look)
-    return beside(table, gap, [*path, *sphere])
-
-
-class _Screen:
-    """A picture that knows its size only when it is drawn."""
-
-    def __init__(self, states: tuple[TrialState, ...], view: View) -> None:
-        self._states = states
-        self._view = view
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        lines = picture(self._states, self._view, options.max_width, options.height or options.size.height)
-        for line in lines:
-            line.end = "\n"
-        yield Group(*lines)
-
-
-def render(states: TrialState | tuple[TrialState, ...], view: View | None = None) -> RenderableType:
-    """Draw one or several objects with rich, at the size of the console.
-
-    Parameters
-    ----------
-    states : TrialState or tuple of TrialState
-        The moment.
-    view : View, optional
-        Focus, prompt, look.
-    """
-    several = (states,) if isinstance(states, TrialState) else states
-    return _Screen(several, view or View())
+    table = cycle_table(state, theme, width - right - 1, height)
+    path_height = max(MIN_PANEL, height * 2 // 5)
+    if height - path_height < MIN_PANEL:
+        path_height = height
+    path = path_plot(state, theme, right - 4, path_height - 2)
+    plots = framed(path, "rotation since the start", right, path_height, theme)
+    if path_height < height:
+        sphere = sphere_plot(state, theme, right - 4, height - path_height - 2)
+        plots += framed(sphere, "where the axes went", right, height - path_height, theme)
+    return beside(table, block([], 1, height, theme), plots)

@@ -6,8 +6,7 @@ Where a line has no room for all its parts, the least important are left out rat
 from __future__ import annotations
 
 from host.screen.dashboard.boxes import Lines, end_of, framed
-from host.screen.dashboard.score_panel import SILENCE_S
-from host.screen.dashboard.theme import Look, Part
+from host.screen.dashboard.theme import Part, Theme, counted
 from host.trial.state import TrialState
 
 HEIGHT = 8
@@ -15,36 +14,55 @@ RATE_TOLERANCE = 0.05
 """Relative difference from the expected rate that is marked."""
 LOSS_LIMIT = 0.01
 """Share of missing samples that is marked as bad."""
+SILENCE_S = 1.0
+"""So long without a sample is worth a word."""
 NAME_WIDTH = 10
+COUNTERS = {
+    "refused": "refused",
+    "unnumbered": "unnumbered",
+    "misnumbered": "misnumbered",
+    "wrong_lengths": "wrong length",
+    "damaged_batches": "damaged batches",
+    "long_packet_errors": "long packets failed",
+    "error_frames": "error frames",
+    "remote_frames": "remote frames",
+    "cobs_errors": "framing errors",
+    "oversize": "oversized",
+    "unsupported_versions": "unsupported versions",
+    "unknown_types": "unknown types",
+}
+"""Counter of the decoder -> its name in the line of the link, the gravest first; two more stand in that of losses."""
 
 
-def status_panel(state: TrialState, look: Look, width: int) -> Lines:
+def status_panel(state: TrialState, theme: Theme, width: int) -> Lines:
     """Draw the panel; its height is :data:`HEIGHT`."""
     room = max(10, width - 4 - NAME_WIDTH)
     rows = (
-        ("motion", _motion(state, look)),
+        ("motion", _motion(state, theme)),
         ("sensor", _sensor(state)),
-        ("link", _link(state, room, look)),
+        ("link", _link(state, room, theme)),
         ("clock", _clock(state)),
         ("losses", _losses(state)),
-        ("recording", _recording(state, room, look)),
+        ("recording", _recording(state, room, theme)),
     )
-    lines = [look.join((f"{name:{NAME_WIDTH}}", "quiet")).append_text(look.listed(parts, room)) for name, parts in rows]
-    return framed(lines, "", width, HEIGHT, look)
+    lines = [
+        theme.join((f"{name:{NAME_WIDTH}}", "quiet")).append_text(theme.listed(parts, room)) for name, parts in rows
+    ]
+    return framed(lines, "", width, HEIGHT, theme)
 
 
-def phase_bar(share: float, look: Look, width: int = 6) -> str:
+def phase_bar(share: float, theme: Theme, width: int = 6) -> str:
     """Draw how much of a cycle is done, 0-1, in a few cells."""
     done = min(width, max(0, int(share * width)))
-    full, empty = ("=", ".") if look.ascii_only else ("▪", "·")
+    full, empty = ("=", ".") if theme.ascii_only else ("▪", "·")
     return full * done + empty * (width - done)
 
 
-def _motion(state: TrialState, look: Look) -> list[Part]:
+def _motion(state: TrialState, theme: Theme) -> list[Part]:
     motion = state.motion
     of_period = "" if motion.period_s is None else f" of {_short(motion.period_s)} s"
     if motion.cycle_phase is not None:
-        parts: list[Part] = [f"{motion.phase} {phase_bar(motion.cycle_phase, look)}{of_period}"]
+        parts: list[Part] = [f"{motion.phase} {phase_bar(motion.cycle_phase, theme)}{of_period}"]
     else:
         parts = [motion.phase, of_period and f"period{of_period.removeprefix(' of')}"]
     # At rest it turns about no axis at all, and that is as it should be.
@@ -54,7 +72,7 @@ def _motion(state: TrialState, look: Look) -> list[Part]:
     if motion.swing_deg is not None:
         parts.append(f"swing {_short(motion.swing_deg, 1)}°")
     if state.sensor.orientation_wxyz is not None:
-        parts.append((f"q {look.vector(state.sensor.orientation_wxyz, 2)}", "quiet"))
+        parts.append((f"q {theme.vector(state.sensor.orientation_wxyz, 2)}", "quiet"))
     return parts
 
 
@@ -80,73 +98,73 @@ def _sensor(state: TrialState) -> list[Part]:
     return parts
 
 
-def _link(state: TrialState, room: int, look: Look) -> list[Part]:
-    link = state.link
-    rate = "- Hz" if link.rate_hz is None else f"{link.rate_hz:.1f} Hz"
-    expected = "" if link.expected_rate_hz is None else f" of {link.expected_rate_hz:.0f}"
-    off = (
-        link.rate_hz is not None
-        and link.expected_rate_hz is not None
-        and abs(link.rate_hz / link.expected_rate_hz - 1) > RATE_TOLERANCE
-    )
-    parts: list[Part] = [(f"{rate}{expected}", "doubtful" if off else "plain")]
-    if not link.connected:
-        parts.append(("DISCONNECTED", "bad"))
-    elif link.silent_s > SILENCE_S:
-        parts.append((f"silent for {link.silent_s:.0f} s", "bad"))
+def outage(state: TrialState) -> str:
+    """Return why nothing comes, in a few words; empty while something does."""
+    if not state.link.connected:
+        return "DISCONNECTED"
+    return f"silent for {state.stream.silent_s:.0f} s" if state.stream.silent_s > SILENCE_S else ""
+
+
+def _link(state: TrialState, room: int, theme: Theme) -> list[Part]:
+    link, stream = state.link, state.stream
+    rate = "- Hz" if stream.rate_hz is None else f"{stream.rate_hz:.1f} Hz"
+    off = False
+    if link.expected_rate_hz is not None:
+        rate += f" of {link.expected_rate_hz:.0f}"
+        off = stream.rate_hz is not None and abs(stream.rate_hz / link.expected_rate_hz - 1) > RATE_TOLERANCE
+    parts: list[Part] = [(rate, "doubtful" if off else "plain"), (outage(state), "bad")]
     if link.overflow_chunks:
-        parts.append((f"{link.overflow_chunks} chunks not taken in time", "bad"))
-    parts.append((_counted(link.reconnects, "reconnect"), "doubtful" if link.reconnects else "quiet"))
-    if link.segments > 1:
-        n = link.segments - 1
-        parts.append((link.segment_reason if n == 1 else _counted(n, "reset"), "doubtful"))
+        parts.append((f"{counted(link.overflow_chunks, 'chunk')} not received in time", "bad"))
+    if stream.reconnects:
+        parts.append((counted(stream.reconnects, "reconnect"), "doubtful"))
+    if stream.segments > 1:
+        n = stream.segments - 1
+        parts.append((stream.segment_reason if n == 1 else counted(n, "reset"), "doubtful"))
+    counts = ((name, getattr(stream.counters, counter)) for counter, name in COUNTERS.items())
+    parts += [(f"{name} {n}", "doubtful") for name, n in counts if n]
     if link.one_way:
         parts.append(("does not answer", "doubtful"))
-    parts.append((end_of(link.name, max(12, room - len("1000.0 Hz of 1000 · 10 reconnects · ")), look), "quiet"))
+    if not stream.reconnects:
+        parts.append(("0 reconnects", "quiet"))
+    parts.append((end_of(link.name, max(12, room - len("1000.0 Hz of 1000 · 10 reconnects · ")), theme), "quiet"))
     return parts
 
 
 def _clock(state: TrialState) -> list[Part]:
-    """Say how the object's clock runs against the host's, and how unevenly the link delivers."""
-    link = state.link
-    if link.jitter_p99_ms is None:
+    """Return how the object's clock runs against the host's, and how unevenly the link delivers."""
+    clock = state.clock
+    if clock.jitter_p99_ms is None:
         return ["no data yet"]
-    parts: list[Part] = [("warming up", "quiet") if link.skew_ppm is None else f"skew {link.skew_ppm:+.1f} ppm"]
-    middle = "" if link.jitter_p50_ms is None else f"p50 {link.jitter_p50_ms:.2f}, "
-    parts.append(f"jitter {middle}p99 {link.jitter_p99_ms:.2f} ms")
-    if link.offset_interval_ns is None:
+    parts: list[Part] = [("warming up", "quiet") if clock.skew_ppm is None else f"skew {clock.skew_ppm:+.1f} ppm"]
+    middle = "" if clock.jitter_p50_ms is None else f"p50 {clock.jitter_p50_ms:.2f}, "
+    parts.append(f"jitter {middle}p99 {clock.jitter_p99_ms:.2f} ms")
+    if clock.offset_interval_ns is None:
         parts.append(("offset unknown", "quiet"))
     else:
-        low_ns, high_ns = link.offset_interval_ns
+        low_ns, high_ns = clock.offset_interval_ns
         parts.append(f"offset ±{0.5e-6 * abs(high_ns - low_ns):.2f} ms")
-    if link.skew_ppm is not None and link.clock_warm_up_s is not None:
-        parts.append((f"warm after {link.clock_warm_up_s:.0f} s", "quiet"))
+    if clock.skew_ppm is not None and clock.warm_up_s is not None:
+        parts.append((f"warm after {clock.warm_up_s:.0f} s", "quiet"))
     return parts
 
 
 def _losses(state: TrialState) -> list[Part]:
-    losses, link = state.link.losses, state.link
+    losses, counters = state.stream.losses, state.stream.counters
     if not losses.produced:
         return ["no data yet"]
-    parts: list[Part] = []
+    parts: list[Part] = [(f"none of {losses.produced} samples", "good")]
     if losses.missing:
-        parts.append(
-            (
-                f"{100 * losses.share:.2f} % missing: {losses.lost} lost, {losses.rejected} damaged, "
-                f"{losses.dropped} dropped",
-                "bad" if losses.share > LOSS_LIMIT else "doubtful",
-            )
-        )
-    else:
-        parts.append((f"none of {losses.produced} samples", "good"))
-    if not link.name.startswith("can:"):  # a CAN controller checks frames by itself and tells nobody
-        parts.append((_counted(link.crc_errors, "CRC error"), "doubtful" if link.crc_errors else "quiet"))
-    if link.malformed:
-        parts.append((f"{link.malformed} malformed", "doubtful"))
+        causes = f"{losses.lost} lost, {losses.rejected} damaged, {losses.dropped} dropped"
+        meaning = "bad" if losses.share > LOSS_LIMIT else "doubtful"
+        parts = [(f"{100 * losses.share:.2f} % missing: {causes}", meaning)]
+    if not state.link.name.startswith("can:"):  # a CAN controller checks frames by itself and reports none
+        parts.append((counted(counters.crc_errors, "CRC error"), "doubtful" if counters.crc_errors else "quiet"))
+    if counters.malformed:
+        parts.append((f"{counters.malformed} malformed", "doubtful"))
     return parts
 
 
-def _recording(state: TrialState, room: int, look: Look) -> list[Part]:
+def _recording(state: TrialState, room: int, theme: Theme) -> list[Part]:
     recording = state.recording
     if recording.problem:
         return [(recording.problem, "bad")]
@@ -157,7 +175,7 @@ def _recording(state: TrialState, room: int, look: Look) -> list[Part]:
         free = f"{recording.free_bytes / 1e9:.1f} GB free"
         parts.append((free, "bad" if low else "plain"))
         used += 3 + len(free)
-    parts.append((end_of(recording.path, max(12, room - used - 3), look), "quiet"))
+    parts.append((end_of(recording.path, max(12, room - used - 3), theme), "quiet"))
     return parts
 
 
@@ -165,7 +183,3 @@ def _short(value: float, places: int = 2) -> str:
     """Write a number so that it keeps its width from 1 to 999."""
     whole = len(str(int(abs(value))))
     return f"{value:.{max(0, places + 1 - whole)}f}"
-
-
-def _counted(n: int, what: str) -> str:
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"

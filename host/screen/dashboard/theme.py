@@ -1,4 +1,4 @@
-"""How the dashboard looks: colours for dark and light terminals, characters for those that have only ASCII.
+"""What the dashboard is drawn in: colours for dark and light terminals, characters for those that have only ASCII.
 
 Colour is never the only carrier of a meaning: what is doubtful or bad is also a word or a sign.
 """
@@ -34,33 +34,22 @@ _LIGHT = _DARK | {
     "frame": "grey58",
     "z": "blue",
 }
-_ASCII = str.maketrans(
-    {
-        "θ": "theta",
-        "\u0304": "",  # the bar over it
-        "°": "deg",
-        "·": "|",
-        "…": "...",
-        "±": "+-",
-        "−": "-",
-        "━": "=",
-        "─": "-",
-        "│": "|",
-        "×": "x",
-        "≤": "<=",
-        "≥": ">=",
-        "→": "->",
-        "✓": "+",
-    }
+_ASCII = str.maketrans("·−━─│×✓", "|-=-|x+") | str.maketrans(
+    {"θ": "theta", "\u0304": "", "°": "deg", "…": "...", "±": "+-", "≤": "<=", "≥": ">=", "→": "->"}
 )
-
+"""Characters of texts -> those of ASCII; U+0304 is the bar over θ."""
 
 Part = str | tuple[str, str]
 """A text, or a text and its meaning."""
 
 
+def counted(n: int, what: str) -> str:
+    """Return so many of something: ``1 cycle``, ``2 cycles``."""
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
 @dataclass(frozen=True)
-class Look:
+class Theme:
     """Colours and characters.
 
     Texts go through :meth:`text`, which is where ASCII terminals get their own words; nothing is ever read as markup.
@@ -68,6 +57,8 @@ class Look:
 
     ascii_only: bool = False
     light: bool = False
+    color: str | None = "standard"
+    """Colours of the terminal as rich names them: ``standard``, ``256``, ``truecolor``; None without any."""
     styles: Mapping[str, Style] = field(init=False, repr=False, compare=False)
     """Meaning -> rich style."""
 
@@ -121,12 +112,3 @@ class Look:
             line.append_text(piece)
             room = None if room is None else room - piece.cell_len
         return line
-
-
-def terminal_is_light(colorfgbg: str | None) -> bool:
-    """Tell from the variable ``COLORFGBG`` (``foreground;background``) whether the background is light.
-
-    Terminals that do not set it are taken as dark; ``--theme light`` says otherwise.
-    """
-    background = (colorfgbg or "").rpartition(";")[2]
-    return background in {"7", "15"}

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from host.screen.dashboard.theme import Look
+from host.screen.dashboard.theme import Theme
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Which object is in focus, what is being typed, how it looks."""
+    """Which object is in focus, what is being typed, in which theme."""
 
-    look: Look = field(default_factory=Look)
+    theme: Theme = field(default_factory=Theme)
     focus: int = 0
     """Which of several objects is shown whole."""
     paused: bool = False

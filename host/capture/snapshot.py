@@ -1,0 +1,131 @@
+"""The state of a trial at one moment: put together here and nowhere else, live and in a replay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from analysis.scoring.trial_score import TrialScore
+from host.capture.alarms import AlarmWatch
+from host.capture.guide import Guide
+from host.capture.operator_desk import OperatorDesk
+from host.trial.live import Trial
+from host.trial.running_score import RunningScore
+from host.trial.state import LinkView, RecordingView, ScoreView, TargetView, TrialState
+
+
+class Snapshots:
+    """Puts states together, and keeps what depends on the states before: the alarms and the step of the guide.
+
+    Parameters
+    ----------
+    trial : Trial
+        Decodes and scores.
+    desk : OperatorDesk
+        Has the operator's marks.
+    title : str
+        Of the screen.
+    target : TargetView
+        When the capture will end.
+    guide : Guide, optional
+        Leads through the trial.
+    """
+
+    def __init__(
+        self,
+        trial: Trial,
+        desk: OperatorDesk,
+        title: str = "rotdrift",
+        target: TargetView | None = None,
+        guide: Guide | None = None,
+    ) -> None:
+        self._trial = trial
+        self._desk = desk
+        self._title = title
+        self._target = target or TargetView()
+        self._guide = guide
+        self._alarms = AlarmWatch()
+
+    def at(
+        self,
+        now_ns: int,
+        elapsed_s: float,
+        link: LinkView,
+        recording: RecordingView,
+        warnings: tuple[str, ...] = (),
+        enough: bool = False,
+    ) -> TrialState:
+        """Return the state at this moment; moments must come in order.
+
+        Parameters
+        ----------
+        now_ns : int
+            Monotonic time (of a replay: the recording's).
+        elapsed_s : float
+            Since the first sample.
+        link, recording : LinkView, RecordingView
+            As they are now.
+        warnings : tuple of str
+            What a person should know.
+        enough : bool
+            Whether there are as many cycles, or as narrow an interval, as asked for: the guide goes on then.
+        """
+        trial = self._trial
+        state = TrialState(
+            title=self._title,
+            elapsed_s=elapsed_s,
+            target=self._target,
+            score=_score_view(trial.score),
+            motion=trial.motion_view(),
+            sensor=trial.sensor_view(),
+            stream=trial.stream_view(now_ns),
+            clock=trial.clock_view(),
+            link=link,
+            recording=recording,
+            warnings=warnings,
+            marks=self._desk.marks,
+        )
+        guide = None if self._guide is None else self._guide.update(state, enough)
+        return replace(state, alarms=self._alarms.update(state), guide=guide)
+
+
+def finished_state(live: TrialState, score: TrialScore) -> TrialState:
+    """Return the last state with the result in place of the provisional figures, and what the difference is."""
+    result = replace(
+        live.score,
+        finished=True,
+        theta_bar_deg=score.theta_bar_deg,
+        interval_deg=score.interval_deg,
+        half_width_deg=None if score.interval is None else score.interval.half_width_deg,
+        summary=difference_sentence(live.score.theta_bar_deg, score),
+    )
+    return replace(live, score=result)
+
+
+def difference_sentence(live_deg: float | None, score: TrialScore) -> str:
+    """Return in one sentence how the result differs from what the live view had."""
+    if score.theta_bar_deg is None:
+        return f"no score: {score.reasons[0]}" if score.reasons else "no score"
+    if live_deg is None:
+        return f"the live view had no score yet; the result has {len(score.endpoints) - 1} cycles"
+    return f"live {live_deg:.3f}°, the result differs by {round(score.theta_bar_deg - live_deg, 3) + 0.0:+.3f}°"
+
+
+def difference_line(live_deg: float | None, score: TrialScore) -> str:
+    """Return the same as a line below the printed score, which has said already why there is none."""
+    if score.theta_bar_deg is not None:
+        return f"live       {difference_sentence(live_deg, score).removeprefix('live ')}\n"
+    return "" if live_deg is None else f"live       {live_deg:.3f}°, which the result does not confirm\n"
+
+
+def _score_view(score: RunningScore) -> ScoreView:
+    interval = score.interval
+    return ScoreView(
+        n_endpoints=score.n_endpoints,
+        cycles=score.rows,
+        theta_bar_deg=score.theta_bar_deg,
+        interval_deg=None if interval is None else (interval.low_deg, interval.high_deg),
+        half_width_deg=None if interval is None else interval.half_width_deg,
+        more_cycles=score.more_cycles,
+        origin_wxyz=score.origin_wxyz,
+        window=score.window,
+    )

@@ -1,0 +1,87 @@
+"""Which screen a capture gets: a live one where there is a terminal, one plain line per cycle elsewhere."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TextIO
+
+from rich.console import Console
+
+from host.screen.dashboard.theme import Theme
+from host.screen.live_screen import LiveScreen
+from host.screen.screens import LineScreen, Screen
+from host.screen.terminal import in_foreground
+
+
+@dataclass(frozen=True, slots=True)
+class ScreenChoice:
+    """How a person wants the screen."""
+
+    ascii_only: bool = False
+    """Only ASCII; also chosen where the terminal cannot show anything else."""
+    theme: str = "auto"
+    """``dark``, ``light``, or ``auto``: by ``COLORFGBG``."""
+    bell: bool = False
+    """Ring at every alarm and at the end."""
+    plain_lines: bool = False
+    """One line per cycle even where there is a terminal."""
+
+
+def open_screen(json_output: bool, stream: TextIO | None = None, choice: ScreenChoice | None = None) -> Screen:
+    """Return the screen for a capture.
+
+    Parameters
+    ----------
+    json_output : bool
+        Standard output belongs to a JSON object: lines go to standard error.
+    stream : text file, optional
+        Where a person may be looking; standard output by default.
+    choice : ScreenChoice, optional
+        What the person asked for.
+    """
+    if json_output:
+        return LineScreen(sys.stderr)
+    stream = stream or sys.stdout
+    choice = choice or ScreenChoice()
+    console = Console(file=stream)
+    lines = choice.plain_lines or not console.is_terminal or console.is_dumb_terminal or not stream.isatty()
+    if lines or not in_foreground(stream.fileno()):
+        return LineScreen(stream)
+    theme = Theme(
+        ascii_only=choice.ascii_only or _shows_ascii_only(os.environ) or not _can_show("θ█⣿", stream),
+        light=choice.theme == "light" or (choice.theme == "auto" and _is_light(os.environ.get("COLORFGBG", ""))),
+        color=None if console.no_color else console.color_system,
+    )
+    return LiveScreen(stream, LineScreen(stream), theme, choice.bell)
+
+
+def _is_light(colorfgbg: str) -> bool:
+    """Return whether ``foreground;background`` has a light background; without one, a terminal counts as dark."""
+    return colorfgbg.rpartition(";")[2] in {"7", "15"}
+
+
+def _shows_ascii_only(environment: Mapping[str, str]) -> bool:
+    """Return whether the terminal is Linux's bare console, whose font has no braille, or the locale is C.
+
+    Python itself would use UTF-8 in the C locale.
+    """
+    if environment.get("TERM") == "linux":
+        return True
+    if environment.get("PYTHONUTF8") == "1":
+        return False
+    names = [environment.get(name, "") for name in ("LC_ALL", "LC_CTYPE", "LANG")]
+    if names[1] == "C.UTF-8" and names[2] in {"C", "POSIX"}:  # set by Python as it started
+        names[1] = ""
+    return next((name for name in names if name), "") in {"C", "POSIX"}
+
+
+def _can_show(characters: str, stream: TextIO) -> bool:
+    """Return whether the encoding of a stream has some characters."""
+    try:
+        characters.encode(stream.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
