@@ -20,7 +20,6 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from emulator.links.memory_link import MemoryLink
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
 from host.capture.loop import Capture, CaptureSettings
@@ -28,6 +27,7 @@ from host.links.transport import Chunk, ClosingTransport, LinkEnd
 from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen
 from host.trial.live import Trial
+from tests.memory_link import MemoryLink
 
 START_NS = 10**12
 AHEAD_STEPS = 20

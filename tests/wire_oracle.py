@@ -10,7 +10,6 @@ import dataclasses
 
 from emulator.injection import FaultInjector
 from emulator.links import Link as ObjectLink
-from emulator.links.memory_link import MemoryLink
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.can.decoder import CanStreamDecoder
 from firmware_protocol.can.encoder import CanObject, command_frame
@@ -23,6 +22,7 @@ from host.links.transport import Chunk, FrameChunk
 from host.stream.decoding import Link
 from host.stream.session import Session, SessionSettings
 from tests.faulty_trials import SETTLE_S
+from tests.memory_link import MemoryLink
 from tests.recorded_trials import MONOTONIC_NS
 
 NODE = 3

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 
 from emulator.faults.definitions import FaultSettings, TimedFault
 from emulator.injection import FaultInjector
-from emulator.links.memory_link import MemoryLink
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.packets import Start
 from firmware_protocol.serial.decoder import StreamDecoder
+from tests.memory_link import MemoryLink
 
 SCENARIO = replace(
     load_scenario("mute"),

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from emulator import ScenarioError
-from emulator.links.memory_link import MemoryLink
 from emulator.motion.hand_motion import DriftSettings, HandMotion, MotionSettings
 from emulator.scenario import Scenario, load_scenario
 from emulator.settings import read_table
@@ -17,6 +16,7 @@ from emulator.virtual_object import VirtualObject
 from firmware_protocol import packets as p
 from firmware_protocol.codec import decode_packet, encode_packet
 from firmware_protocol.serial.decoder import StreamDecoder
+from tests.memory_link import MemoryLink
 
 DEFAULT = load_scenario("default")
 COMMANDS = [

@@ -11,12 +11,12 @@ import pytest
 from emulator import ScenarioError
 from emulator.faults.definitions import FaultSettings, TimedFault, parse_fault_command
 from emulator.injection import FaultInjector
-from emulator.links.memory_link import MemoryLink
 from emulator.runner import run
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
 from firmware_protocol import packets as p
 from firmware_protocol.serial.decoder import StreamDecoder
+from tests.memory_link import MemoryLink
 
 IDEAL = load_scenario("ideal")
 

@@ -1,4 +1,4 @@
-"""A link in memory: for tests, and for whoever feeds bytes from a program."""
+"""A link of the host in memory."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class MemoryTransport(ClosingTransport):
         return item
 
     def write(self, data: bytes) -> None:
-        """Keep what was sent, and tell the other side."""
+        """Keep what was sent, and hand it to the other side."""
         if self.closed:
             raise LinkLostError("the link in memory is closed")
         self.written.append(data)
