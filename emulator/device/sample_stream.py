@@ -14,6 +14,7 @@ import numpy.typing as npt
 from emulator.device.clock import DeviceClock
 from emulator.device.imu_model import ImuModel, Readings, TrueMotion
 from emulator.motion.rotation import FloatArray
+from firmware_protocol.codec import ORIENTATION_DTYPE
 from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US, SEQUENCE_MODULUS, OrientationFlag, PacketType
 from firmware_protocol.quantization import quats_to_q15
 from firmware_protocol.wire_values import ACCELERATION_LSB_G, GYRO_LSB_DPS
@@ -22,9 +23,6 @@ __all__ = ["SampleBlock", "SampleStream", "pack_orientations", "pack_raw_imu"]
 
 _BLOCK = 256
 
-_ORIENTATION_DTYPE = np.dtype(
-    [("type", "u1"), ("sequence", "<u2"), ("device_time_us", "<u4"), ("q", "<i2", (4,)), ("flags", "u1")]
-)
 _RAW_IMU_DTYPE = np.dtype(
     [
         ("type", "u1"),
@@ -52,7 +50,7 @@ def pack_orientations(
     flags
         (n,).
     """
-    packed = np.empty(len(sequence), _ORIENTATION_DTYPE)
+    packed = np.empty(len(sequence), ORIENTATION_DTYPE)
     packed["type"] = PacketType.ORIENTATION
     packed["sequence"] = sequence % SEQUENCE_MODULUS
     packed["device_time_us"] = uptime_us % DEVICE_CLOCK_MODULUS_US

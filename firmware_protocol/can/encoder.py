@@ -27,7 +27,7 @@ from firmware_protocol.can.mapping import (
     status_pages,
     time_interval,
 )
-from firmware_protocol.codec import STREAMED
+from firmware_protocol.codec import ORIENTATION_DTYPE, STREAMED
 from firmware_protocol.errors import PacketValueError
 from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US, MAX_RATE_HZ, MIN_RATE_HZ, SEQUENCE_MODULUS, PacketType
 from firmware_protocol.quantization import quats_from_q15, quats_to_smallest_three
@@ -279,8 +279,7 @@ _CLASSIC = frozenset(_WHOLE_FUNCTIONS) - {PacketType.ORIENTATION}
 def _smallest_three(samples: Sequence[bytes]) -> list[int]:
     if not samples:
         return []
-    layout = np.dtype([("head", "u1", (7,)), ("q", "<i2", (4,)), ("flags", "u1")])
-    quats, good = quats_from_q15(np.frombuffer(b"".join(samples), layout)["q"])
+    quats, good = quats_from_q15(np.frombuffer(b"".join(samples), ORIENTATION_DTYPE)["q"])
     quats[~good] = (1.0, 0.0, 0.0, 0.0)
     codes = quats_to_smallest_three(quats)
     codes[~good] = NO_ORIENTATION

@@ -27,7 +27,7 @@ import can
 
 from firmware_protocol.can.encoder import command_frame
 from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
-from firmware_protocol.can.iso_tp import LongPacketChannel
+from firmware_protocol.can.iso_tp import flow_control
 from firmware_protocol.can.mapping import ALL_NODES, HOST_FUNCTIONS, NODE_MASK, CanFunction, split_id
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.errors import ProtocolError
@@ -94,7 +94,6 @@ class CanTransport(ClosingTransport):
         self._bus: Any = bus
         self._node = settings.node
         self._node_since = time.monotonic()
-        self._channels: dict[bool, LongPacketChannel] = {}
         self._lock = threading.Lock()
         self._echoes: deque[tuple[int, bytes]] | None = deque(maxlen=64) if settings.interface in ECHOING else None
         self._driver_asked_ns = 0
@@ -264,7 +263,9 @@ class CanTransport(ClosingTransport):
                 self._meet_other(identity.node)
                 continue
             if identity.function is CanFunction.LONG_FROM_OBJECT and not self._settings.listen_only:
-                self._answer(frame, identity.whole_packet)
+                answer = flow_control(frame.data, identity.node, identity.whole_packet)
+                if answer is not None:
+                    self._send(answer)
 
     def _meet_other(self, node: int) -> None:
         if node in self.health.other_nodes:
@@ -277,15 +278,6 @@ class CanTransport(ClosingTransport):
             raise UsageError(
                 f"several objects are on the bus (node ids {found})", f"say which: {self.name}{joint}node={self._node}"
             )
-
-    def _answer(self, frame: CanFrame, whole: bool) -> None:
-        assert self._node is not None
-        if whole not in self._channels:
-            self._channels[whole] = LongPacketChannel(self._node, is_object=False, fd=whole)
-        channel = self._channels[whole]
-        channel.feed(frame.data)
-        for answer in channel.take_outgoing():
-            self._send(answer)
 
 
 def received_frame(message: can.Message, host_time_ns: int) -> CanFrame:
