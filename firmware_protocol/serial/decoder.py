@@ -96,8 +96,8 @@ class StreamDecoder:
     """
 
     def __init__(self) -> None:
+        self._frames = FrameDecoder()
         self._tally: Tally = Tally()
-        self._frames = FrameDecoder(self._tally)
         self._samples = 0  # ORIENTATION packets
         self._others: Counter[PacketType] = Counter()  # all other packets
         self._damage: list[int] = []
@@ -106,7 +106,7 @@ class StreamDecoder:
     def counters(self) -> StreamCounters:
         """Snapshot of the counters."""
         packets = dict(self._others) | ({PacketType.ORIENTATION: self._samples} if self._samples else {})
-        return StreamCounters(**self._tally, packets=MappingProxyType(packets))
+        return StreamCounters(**vars(self._frames.counters), **self._tally, packets=MappingProxyType(packets))
 
     def restart(self) -> None:
         """Start again after the link was cut: bytes pending are skipped. The counters go on."""
@@ -228,12 +228,8 @@ class StreamDecoder:
             end = block_end(pieces, start)
             report = decode_block(view[start:end], samples, offset + start)
             start = end
-            self._tally.update(
-                delimiters=report.delimiters,
-                frames=report.frames,
-                frame_bytes=report.frame_bytes,
-                extended=report.extended,
-            )
+            self._frames.count(report.delimiters, report.frames, report.frame_bytes)
+            self._tally["extended"] += report.extended
             others = []
             for position, piece, at in report.others:
                 packet = self._frames.open_piece(piece)

@@ -55,18 +55,15 @@ class FrameDecoder:
 
     ``feed`` never blocks, never raises on bytes from the wire, and buffers at most ``MAX_PIECE_BYTES``. The packets and
     counters after n bytes depend on these bytes alone, not on how they were chunked.
-
-    Parameters
-    ----------
-    tally : Tally, optional
-        Where to count; one of its own by default.
     """
 
-    def __init__(self, tally: Tally | None = None) -> None:
+    def __init__(self) -> None:
         self._pending = b""
         self._skipping = False  # inside a piece already counted as oversize
         self._at_start = True  # no delimiter met yet
-        self._tally: Tally = Tally() if tally is None else tally
+        # Plain numbers where every frame is counted, a tally for what is rare.
+        self._bytes = self._delimiters = self._frames = self._frame_bytes = 0
+        self._tally: Tally = Tally()
 
     @property
     def at_start(self) -> bool:
@@ -76,7 +73,14 @@ class FrameDecoder:
     @property
     def counters(self) -> FrameCounters:
         """Snapshot of the counters."""
-        return FrameCounters(**self._tally)
+        return FrameCounters(
+            bytes=self._bytes,
+            pending_bytes=len(self._pending),
+            delimiters=self._delimiters,
+            frames=self._frames,
+            frame_bytes=self._frame_bytes,
+            **self._tally,
+        )
 
     def feed(self, data: bytes) -> list[bytes]:
         """Process what one read returned; return the packets of the frames that it completed."""
@@ -85,7 +89,7 @@ class FrameDecoder:
     def restart(self) -> None:
         """Forget the piece that has started: the link was cut and opened again. The counters go on."""
         self._tally["skipped_bytes"] += len(self._pending)
-        self._keep(b"")
+        self._pending = b""
         self._skipping = False
         self._at_start = True
 
@@ -94,7 +98,7 @@ class FrameDecoder:
 
         The first half of :meth:`feed`. What it returns goes to :meth:`unframe` before the next call.
         """
-        self._tally["bytes"] += len(data)
+        self._bytes += len(data)
         data = bytes(data)
         if not self._pending and not self._skipping and data[-1:] == b"\0":
             return data  # by far the commonest: reads end where frames do
@@ -109,16 +113,12 @@ class FrameDecoder:
         if self._pending:
             data = self._pending + data
         end = data.rfind(b"\0") + 1
-        self._keep(data[end:])
+        self._pending = data[end:]
         if len(self._pending) > MAX_PIECE_BYTES:
             self._reject("oversize", len(self._pending), at_start=self._at_start and end == 0)
-            self._keep(b"")
+            self._pending = b""
             self._skipping = True
         return data[:end]
-
-    def _keep(self, pending: bytes) -> None:
-        self._pending = pending
-        self._tally["pending_bytes"] = len(pending)
 
     def offset_of_next(self, data: bytes) -> int:
         """Return where in ``data`` what :meth:`complete` will return starts; negative if it came before."""
@@ -131,7 +131,7 @@ class FrameDecoder:
         opened, and of what is longer than any frame, nothing.
         """
         runs = pieces.split(b"\0")
-        self._tally["delimiters"] += len(runs) - 1
+        self._delimiters += len(runs) - 1
         packets: list[bytes | int] = []
         for run in runs:
             if run:
@@ -158,9 +158,15 @@ class FrameDecoder:
         if len(data) < CRC_BYTES or crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
             self._reject("crc_errors", size, at_start=self._at_start)
             return None
-        self._tally["frames"] += 1
-        self._tally["frame_bytes"] += size
+        self._frames += 1
+        self._frame_bytes += size
         return packet
+
+    def count(self, delimiters: int, frames: int, frame_bytes: int) -> None:
+        """Count frames that were decoded elsewhere, many at once."""
+        self._delimiters += delimiters
+        self._frames += frames
+        self._frame_bytes += frame_bytes
 
     def open_lone(self, pieces: bytes) -> bytes | None:
         """Return the packet where :meth:`complete` returned one good frame and delimiters around it, as live reads do.
@@ -178,10 +184,7 @@ class FrameDecoder:
         packet: bytes = data[:-CRC_BYTES]
         if crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
             return None
-        tally = self._tally
-        tally["delimiters"] += len(pieces) - size
-        tally["frames"] += 1
-        tally["frame_bytes"] += size
+        self.count(len(pieces) - size, 1, size)
         self._at_start = False
         return packet
 
