@@ -16,8 +16,6 @@ import numpy as np
 from emulator.motion.rotation import FloatArray
 from emulator.settings import check_settings, integer, number
 
-__all__ = ["ClockSettings", "DeviceClock"]
-
 _WANDER_STREAM = 21
 _TERMS = 3
 _ROUNDING_US = 1e-4  # the instant of a tick must not read as one less
@@ -106,7 +104,7 @@ class DeviceClock:
         return times_s
 
     def restart(self, time_s: float) -> None:
-        """Begin again at 0 us: the object was reset."""
+        """Start again at 0 us: the object was reset."""
         self.step(time_s, -self.uptime_us(np.array([time_s]))[0])
 
     def step(self, time_s: float, by_us: float) -> None:

@@ -6,8 +6,6 @@ import numpy as np
 
 from firmware_protocol import packets as p
 
-__all__ = ["Conversation", "StatusTimer"]
-
 _RETRY_WINDOW_S = 5.0
 _LOW_BATTERY_MV = 3300
 

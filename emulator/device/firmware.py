@@ -26,8 +26,6 @@ from emulator.device.transmit_queue import Sink, TransmitQueue
 from firmware_protocol import packets as p
 from firmware_protocol.codec import ProtocolError, UnknownPacketTypeError, decode_packet, encode_packet
 
-__all__ = ["Firmware", "FirmwareCounters"]
-
 _BOOT_ID_STREAM = 41
 _FIRST_HOST_TYPE = 0x80
 

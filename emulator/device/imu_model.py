@@ -23,8 +23,6 @@ from emulator.motion.rotation import FloatArray, conjugate, from_rotation_vector
 from emulator.settings import check_settings, number, text, vector
 from firmware_protocol.packets import OrientationFlag
 
-__all__ = ["ImuModel", "ImuSettings", "Readings"]
-
 GYRO_FULL_SCALE_DPS = 2000.0
 ACCELERATION_FULL_SCALE_G = 16.0
 
@@ -43,9 +41,9 @@ class ImuSettings:
     """Scenario table ``[imu]``: the sensor's faults. All zero is a perfect sensor."""
 
     sensor: str = text("virtual 6-axis", 24)
-    """Part, as told in INFO."""
+    """Part, as INFO names it."""
     filter: str = text("6-axis complementary", 24)
-    """Orientation filter, as told in INFO."""
+    """Orientation filter, as INFO names it."""
     noise_deg: float = number(0.02, 0.0, 10.0)
     """White orientation noise, standard deviation about each body axis, degrees."""
     correlated_noise_deg: float = number(0.03, 0.0, 10.0)
@@ -75,7 +73,7 @@ class ImuSettings:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What the sensor gives for a run of n samples."""
+    """What the sensor measures for a run of n samples."""
 
     quats_wxyz: FloatArray
     """(n, 4) measured orientation, unit, body to world."""
@@ -138,7 +136,7 @@ class ImuModel:
         return np.concatenate(drawn)[start : start + n]
 
     def read(self, times_s: FloatArray, true_motion: TrueMotion, first: int, boot: int) -> Readings:
-        """Return what the sensor gives at the times.
+        """Return what the sensor measures at the times.
 
         Parameters
         ----------

@@ -19,8 +19,6 @@ from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US, SEQUENCE_MODULUS,
 from firmware_protocol.quantization import quats_to_q15
 from firmware_protocol.wire_values import ACCELERATION_LSB_G, GYRO_LSB_DPS
 
-__all__ = ["SampleBlock", "SampleStream", "pack_orientations", "pack_raw_imu"]
-
 _BLOCK = 256
 
 _RAW_IMU_DTYPE = np.dtype(

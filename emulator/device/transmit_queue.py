@@ -6,8 +6,6 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-__all__ = ["Sink", "TransmitQueue"]
-
 Sink: TypeAlias = Callable[[Sequence[bytes]], int | None]
 """Is offered encoded packets in order; returns how many it accepted: 0 when full, None with nobody at the other end."""
 

@@ -16,8 +16,6 @@ from emulator.faults.definitions import FaultLog, FaultSettings
 from firmware_protocol.codec import STREAMED
 from firmware_protocol.packets import PacketType
 
-__all__ = ["ByteFaults", "PacketFaults", "byte_faults_in"]
-
 _PACKET_STREAM, _BYTE_STREAM = 51, 52
 _SAMPLE_TYPES = (PacketType.ORIENTATION, PacketType.RAW_IMU)
 _LAYOUT = STREAMED[PacketType.ORIENTATION]

@@ -6,8 +6,6 @@ import heapq
 import itertools
 from collections.abc import Callable
 
-__all__ = ["Agenda"]
-
 
 class Agenda:
     """Actions in order of time; of those at the same time, in the order in which they were planned."""

@@ -14,8 +14,6 @@ from emulator.faults.frame_faults import PacketFaults
 from emulator.links import Link
 from firmware_protocol.packets import PacketType
 
-__all__ = ["Delivery"]
-
 _DELIVERY_STREAM = 53
 _ACCEPTED_AT_ONCE = 32
 _DELIVERED_AT_ONCE = 256

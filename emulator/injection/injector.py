@@ -24,8 +24,6 @@ from emulator.second_object import SecondObject
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.packets import PacketType
 
-__all__ = ["FaultInjector"]
-
 _COMMAND_STREAM = 54
 _UNPLUGGING = ("unplug", "swap")
 _ENDING = (*_UNPLUGGING, "stall", "flood", "second-object")

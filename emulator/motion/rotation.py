@@ -9,15 +9,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "FloatArray",
-    "conjugate",
-    "from_rotation_vector",
-    "multiply",
-    "rotate",
-    "to_rotation_vector",
-]
-
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -97,7 +88,7 @@ def to_rotation_vector(quats: FloatArray) -> FloatArray:
     Parameters
     ----------
     quats
-        (..., 4) unit quaternions, scalar first; q and −q give the same.
+        (..., 4) unit quaternions, scalar first; the same for q and −q.
 
     Returns
     -------

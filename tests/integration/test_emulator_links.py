@@ -209,13 +209,13 @@ def test_a_reader_may_go_and_come_back_and_gets_no_stale_samples():
 def test_symbolic_links_and_files_at_the_path(tmp_path):
     path = tmp_path / "object"
     path.write_text("precious")
-    with pytest.raises(LinkError, match="exists and is no symbolic link"):
+    with pytest.raises(LinkError, match="exists and is not a symbolic link"):
         run(load_scenario("static"), open_link(f"pty:{path}"), duration_s=0.0)
     assert path.read_text() == "precious"
 
     elsewhere = tmp_path / "elsewhere"
     elsewhere.symlink_to(path)
-    with pytest.raises(LinkError, match="no device"):
+    with pytest.raises(LinkError, match="not a device"):
         run(load_scenario("static"), open_link(f"pty:{elsewhere}"), duration_s=0.0)
 
     dangling = tmp_path / "dangling"
