@@ -23,7 +23,7 @@ from pathlib import Path
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
 from host.capture.loop import Capture, CaptureSettings
-from host.links.transport import Chunk, ClosingTransport, LinkEnd
+from host.links.transport import Chunk, LinkEnd, Transport
 from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen
 from host.trial.live import Trial
@@ -35,7 +35,7 @@ AHEAD_BYTES = 1 << 14
 """How far the object may run ahead of the capture: a real one cannot, for time would pass."""
 
 
-class VirtualTransport(ClosingTransport):
+class VirtualTransport(Transport):
     """A live link on which time is what the object says."""
 
     name = "virtual:"

@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable, Iterable
 
 from host.errors import LinkLostError
-from host.links.transport import AnyChunk, Chunk, ClosingTransport, LinkEnd
+from host.links.transport import AnyChunk, Chunk, LinkEnd, Transport
 
 
-class MemoryTransport(ClosingTransport):
+class MemoryTransport(Transport):
     """Delivers what :meth:`deliver` was given. It does not imitate timing, buffers or driver failures of real ports.
 
     Parameters

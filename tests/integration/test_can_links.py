@@ -251,7 +251,7 @@ def test_the_raw_chunks_decode_to_the_same_again(request: pytest.FixtureRequest)
 @pytest.mark.parametrize(
     ("uri", "kind", "words"),
     [
-        ("can:nothing:x", UsageError, "no CAN interface"),
+        ("can:nothing:x", UsageError, "not a CAN interface"),
         ("can:slcan:", UsageError, "not a link|no channel"),
         ("can:virtual:x?node=0", UsageError, "node=0"),
         ("can:virtual:x?node=32", UsageError, "node=32"),

@@ -159,7 +159,7 @@ class PythonCanLink(Link):
 
 
 def _hear_own_group_only(bus: Any) -> None:  # noqa: ANN401 (its socket is no part of BusABC)
-    """On Linux, a socket gets what is sent to any group that anybody on this machine has joined: end that."""
+    """End what Linux does by default: a socket receives the groups that anybody on this machine has joined."""
     sock = getattr(getattr(bus, "_multicast", None), "_socket", None)
     if sock is not None and sys.platform == "linux":
         level, option = (41, 29) if sock.family == socket.AF_INET6 else (0, 49)  # IPV6_/IP_MULTICAST_ALL

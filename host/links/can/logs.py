@@ -1,7 +1,7 @@
 """Logs of other CAN tools as chunks: candump ``.log``, Vector ASC and BLF, python-can's CSV.
 
-Read through python-can. It stops at the first line it cannot read, so candump lines are looked at before they reach
-it, and what stops the others is told. A BLF is compressed, and mutated ones have been seen to loop for ever or to take
+Read through python-can. It stops at the first line it cannot read, so candump lines are checked before they reach it,
+and what stops the others is reported. A BLF is compressed, and mutated ones have been seen to loop for ever or to need
 800 MB, so it is read in a process of its own with limits (:mod:`host.links.can.blf_process`).
 """
 
@@ -28,7 +28,7 @@ from host.text import plain
 
 FRAMES_A_CHUNK = 1000
 BLF_SECONDS_PER_MB = 20.0
-"""A hundred times what a sound file takes."""
+"""A hundred times what a sound file needs."""
 BLF_LEAST_SECONDS = 20.0
 
 _LENGTH = struct.Struct("<I")
@@ -36,7 +36,7 @@ _LENGTH = struct.Struct("<I")
 
 @dataclass(frozen=True, slots=True)
 class CanLog:
-    """What stood in a log."""
+    """The content of a log."""
 
     kind: str
     """``candump``, ``ASC``, ``CSV`` or ``BLF``."""
@@ -52,11 +52,11 @@ def read_can_log(path: Path) -> CanLog:
     Raises
     ------
     FileError
-        It cannot be opened, is no CAN log, or holds no frame.
+        It cannot be opened, is not a CAN log, or holds no frame.
     """
     kind = can_log_kind(path)
     if kind is None:
-        raise FileError(f"{path} is no CAN log", "give a candump log, an ASC, a BLF, or a CSV written by python-can")
+        raise FileError(f"{path} is not a CAN log", "give a candump log, an ASC, a BLF, or a CSV written by python-can")
     damage: list[str] = []
     try:
         if kind == "BLF":
@@ -134,7 +134,7 @@ def _chunks(messages: Iterable[can.Message]) -> Iterator[FrameChunk]:
 
 
 def write_chunks(messages: Iterable[can.Message], file: IO[bytes]) -> None:
-    """Write messages as frame batches, each behind its length: what a reading process hands to its parent."""
+    """Write messages as frame batches, each behind its length: what a reading process returns to its parent."""
     for chunk in _chunks(messages):
         file.write(_LENGTH.pack(len(chunk.data)))
         file.write(chunk.data)
