@@ -61,7 +61,7 @@ class StreamCounters(FrameCounters):
     packets: Mapping[PacketType, int] = field(default_factory=lambda: MappingProxyType({}))
     """Packets delivered, by type; types not met are absent."""
     malformed: int = 0
-    """Frames whose packet cannot be what its type byte says: too short, a value outside its table, a norm off."""
+    """Frames whose packet cannot be that of its type byte: too short, a value outside its table, a norm off."""
     unknown_types: int = 0
     """Frames of a packet type of a newer minor version."""
     unsupported_versions: int = 0

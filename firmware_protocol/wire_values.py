@@ -1,6 +1,6 @@
 """Packets to and from the flat tuples of numbers and bytes that stand on the wire, in wire order.
 
-No byte order here and no offsets: :mod:`firmware_protocol.schema` has those. What is checked here, in both directions,
+No byte order here and no offsets: :mod:`firmware_protocol.schema` has those. Checked here, in both directions,
 is that every value lies in its field's range and table. Measured values beyond a field's range are sent as the end of
 that range, as a sensor's own register would be; everything else that does not fit is the caller's mistake.
 """
@@ -20,7 +20,7 @@ from firmware_protocol.packets import PacketType
 from firmware_protocol.quantization import NORM_TOLERANCE, quat_from_q15, quat_to_q15
 
 WireValues: TypeAlias = tuple[Any, ...]
-"""Integers, floats and bytes; which, says the schema."""
+"""Integers, floats and bytes, as the schema has them."""
 
 NAME_BYTES = 32
 SURFACE_BYTES = 32
@@ -37,7 +37,7 @@ _FLOAT32_MAX = 3.4028234663852886e38
 # Control and format characters (bidirectional overrides among them) and line separators could deceive a terminal.
 _UNPRINTABLE = frozenset({"Cc", "Cf", "Zl", "Zp"})
 _Enum = TypeVar("_Enum", bound=enum.IntEnum)
-# Looked up here, not called: calling an enumeration takes five times as long.
+# A table, because calling an enumeration is five times as slow.
 _MEMBERS: dict[type[enum.IntEnum], dict[int, enum.IntEnum]] = {
     kind: {int(member): member for member in kind} for kind in (p.ObjectShape, p.DeviceState, p.AckCode, p.EventKind)
 }
@@ -59,7 +59,7 @@ def _member(kind: type[_Enum], name: str, value: int, error: type[Exception]) ->
         return cast(_Enum, _MEMBERS[kind][value])
     except (KeyError, TypeError):
         table = ", ".join(f"{member.value} {member.name}" for member in kind)
-        raise error(f"{name} {value} is none of {table}") from None
+        raise error(f"{name} {value} is not one of {table}") from None
 
 
 def _measured(name: str, value: float, lsb: float, low: int = -0x7FFF) -> int:

@@ -55,7 +55,7 @@ class Boots:
         return starts
 
     def _is_new(self, tag: int) -> bool:
-        """Follow one boot tag; return whether it takes another one's place. 0 says that the object has none."""
+        """Follow one boot tag; return whether it replaces another. 0 means that the object has none."""
         if tag in (0, self._tag):
             return False
         had_tag = self._tag != 0

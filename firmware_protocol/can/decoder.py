@@ -49,7 +49,7 @@ class CanStreamDecoder:
     Parameters
     ----------
     node : int or None
-        Node id, 1-31; None takes the first object that is heard.
+        Node id, 1-31; None is for the first object that is heard.
 
     Raises
     ------

@@ -81,7 +81,7 @@ class LongPacketChannel:
     def __init__(
         self, node: int, is_object: bool, fd: bool = False, listens_only: bool = False, tally: Tally | None = None
     ) -> None:
-        # The library imports python-can, which takes 0.1 s: only where a long packet is met.
+        # The library imports python-can, which costs 0.1 s: only where a long packet is met.
         import isotp
 
         to_object = arbitration_id(CanFunction.LONG_TO_OBJECT, node, fd)

@@ -171,7 +171,7 @@ class Numbering:
             assert before is not None
             self._number_onwards(run, first, n, before)
             if not may_hold:
-                # No TIME frame will come: the last sample is taken for the one that is due when it was received.
+                # No TIME frame will come: the last sample is assumed to be the one due when it was received.
                 due = before + round((int(host_ns[-1]) - self.silence.heard_ns) / period_ns)
                 unseen = round((due - int(run.counters[-1])) / SEQUENCE_MODULUS) * SEQUENCE_MODULUS
                 if unseen > 0:

@@ -29,7 +29,7 @@ class Traffic:
     Parameters
     ----------
     node : int or None
-        Node id; None takes the first object that is heard.
+        Node id; None is for the first object that is heard.
     tally : Tally
         Where the others are counted.
     """

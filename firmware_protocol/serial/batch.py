@@ -1,6 +1,6 @@
 """Many ORIENTATION frames at once, as numpy arrays: the same results as one by one, some thirty times as fast.
 
-A block of bytes is split at its delimiters. The pieces of the commonest length are laid out as columns, one array per
+A block of bytes is split at its delimiters. The pieces of the commonest length become columns, one array per
 byte position, so that COBS and CRC become a few operations per position on all frames together. Whatever is not an
 ORIENTATION frame of that length is handed back for the slow path, with its place among the samples.
 """
@@ -48,7 +48,7 @@ def new_batch(
     quats_wxyz: npt.NDArray[np.float64],
     flags: npt.NDArray[np.uint8],
 ) -> OrientationBatch:
-    """Return the batch of these arrays, without the constructor: a frozen dataclass's takes twice as long.
+    """Return the batch of these arrays, without the constructor: a frozen dataclass's is half as fast.
 
     Live, when each read brings one sample, that is a good part of the sample's cost.
     """
@@ -139,7 +139,7 @@ def _columns(block: memoryview, starts: IntArray, length: int) -> ByteArray:
 def _uncobs(columns: ByteArray) -> npt.NDArray[np.bool_]:
     """Undo COBS in place on (length, n): the data is in rows 1 and on. Return which pieces were COBS.
 
-    A code says how far the next code is. A code that points past the end leaves the pointer where no row is. So does
+    A code is the distance to the next code. A code that points past the end leaves the pointer where no row is. So does
     one whose sum overflows, because it then points backwards.
     """
     pointer = columns[0].copy()

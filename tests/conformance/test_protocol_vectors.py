@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 
 from firmware_protocol import codec, quantization
@@ -61,8 +62,9 @@ def test_quaternions(vector):
     quat = vector["q_wxyz"]
     assert list(quantization.quat_to_q15(quat)) == vector["q15"]
     assert quantization.quat_to_smallest_three(quat) == int(vector["smallest_three"], 16)
-    decoded = quantization.quat_from_smallest_three(int(vector["smallest_three"], 16))
-    assert abs(sum(a * b for a, b in zip(quat, decoded, strict=True))) == pytest.approx(1.0, abs=1e-10)
+    decoded, valid = quantization.quats_from_smallest_three(np.array([int(vector["smallest_three"], 16)], np.uint64))
+    assert valid.all()
+    assert abs(decoded[0] @ quat) == pytest.approx(1.0, abs=1e-10)
 
 
 @pytest.mark.parametrize(("name", "packet"), PACKETS, ids=[name.replace(" ", "-") for name, _ in PACKETS])

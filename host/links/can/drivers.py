@@ -66,7 +66,7 @@ class CanSettings:
     port: int = 0
     """Its port."""
     node: int | None = None
-    """Node id of the object; None takes the first that is heard."""
+    """Node id of the object; None is for the first that is heard."""
     fd: bool = False
     bitrate: int = DEFAULT_BITRATE
     data_bitrate: int = DEFAULT_DATA_BITRATE
