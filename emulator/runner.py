@@ -58,22 +58,22 @@ def run(
 
     Parameters
     ----------
-    scenario
+    scenario : Scenario
         What the object does.
-    link
+    link : Link
         Where it is connected; opened here, closed at the end.
-    duration_s
+    duration_s : float, optional
         How long, s. None: until stopped, or in virtual time until the scenario is over.
-    truth_path
+    truth_path : str or Path, optional
         Where to write the truth: at the start, in real time while end points are passed, and at the end. Replaced if
         it exists.
-    stop
+    stop : Event, optional
         Ends the run within 50 ms.
-    on_ready
+    on_ready : callable
         Called once with the link as the host names it, when the object can be reached.
-    seed
+    seed : int, optional
         In place of the scenario's.
-    live_faults
+    live_faults : SimpleQueue of LiveFault, optional
         Faults put here happen at once, whatever their ``at_s``; see
         :func:`emulator.faults.definitions.parse_fault_command`.
 

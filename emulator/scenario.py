@@ -67,7 +67,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
     Parameters
     ----------
-    name_or_path
+    name_or_path : str or Path
         A name of :func:`scenario_names`; anything with a ``.toml`` ending or a separator is a path.
 
     Returns

@@ -22,9 +22,9 @@ class SecondObject:
 
     Parameters
     ----------
-    first
+    first : VirtualObject
         Whose line it shares.
-    now_s
+    now_s : float
         When, s.
     """
 

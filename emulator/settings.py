@@ -217,11 +217,11 @@ def read_table(cls: type[S], data: Mapping[str, Any], where: str = "") -> S:
 
     Parameters
     ----------
-    cls
+    cls : type
         The settings class.
-    data
+    data : mapping
         The table.
-    where
+    where : str
         Dotted name of the table, for messages; empty at the top.
 
     Returns

@@ -45,8 +45,8 @@ def mean_drift(quats_wxyz: FloatArray) -> tuple[float | None, list[float] | None
 
     Parameters
     ----------
-    quats_wxyz
-        (n, 4) orientation at the end points.
+    quats_wxyz : (n, 4)
+        Orientation at the end points.
 
     Returns
     -------
@@ -70,9 +70,9 @@ class EndpointWatch:
 
     Parameters
     ----------
-    extremes
+    extremes : Extremes
         End points of one kind.
-    clock
+    clock : DeviceClock
         The object's clock.
     """
 

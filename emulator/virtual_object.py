@@ -24,9 +24,9 @@ class VirtualObject:
 
     Parameters
     ----------
-    scenario
+    scenario : Scenario
         What it does.
-    seed
+    seed : int, optional
         Seed of everything random; the scenario's where None.
 
     Attributes
@@ -78,8 +78,8 @@ class VirtualObject:
 
         Parameters
         ----------
-        times_s
-            (n,) since power-up, s.
+        times_s : (n,)
+            Since power-up, s.
 
         Returns
         -------

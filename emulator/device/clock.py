@@ -44,9 +44,9 @@ class DeviceClock:
 
     Parameters
     ----------
-    settings
+    settings : ClockSettings
         The clock.
-    seed
+    seed : int
         Seed of the wander's phases.
     """
 
@@ -70,8 +70,8 @@ class DeviceClock:
 
         Parameters
         ----------
-        times_s
-            (n,) true time since power-up, s.
+        times_s : (n,)
+            True time since power-up, s.
 
         Returns
         -------
@@ -89,8 +89,8 @@ class DeviceClock:
 
         Parameters
         ----------
-        uptime_us
-            (n,) us without wrap.
+        uptime_us : (n,)
+            In us, without wrap.
 
         Returns
         -------
@@ -112,9 +112,9 @@ class DeviceClock:
 
         Parameters
         ----------
-        time_s
+        time_s : float
             True time of the jump, s.
-        by_us
+        by_us : float
             How far, us.
         """
         present = self.uptime_us(np.array([time_s]))[0]

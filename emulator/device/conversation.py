@@ -44,7 +44,7 @@ class StatusTimer:
 
     Parameters
     ----------
-    interval_s
+    interval_s : float
         Time between two, s.
     """
 

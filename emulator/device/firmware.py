@@ -51,15 +51,15 @@ class Firmware:
 
     Parameters
     ----------
-    settings
+    settings : DeviceSettings
         The object.
-    imu, clock, true_motion
+    imu, clock, true_motion : ImuModel, DeviceClock, callable
         Its sensor, its clock and the world.
-    seed
+    seed : int
         Seed of its boot ids.
-    on_start
+    on_start : callable
         Called with the time of every START that streams, s, before the first sample is made.
-    on_samples
+    on_samples : callable
         Called with each run of samples produced and the number of the boot.
     """
 
@@ -237,9 +237,9 @@ class Firmware:
 
         Parameters
         ----------
-        data
+        data : bytes
             Type byte and fields, without framing; anything is accepted.
-        now_s
+        now_s : float
             Time, s.
         """
         if not self.settings.answers or not self._status.is_on or len(data) < 2 or data[0] < _FIRST_HOST_TYPE:

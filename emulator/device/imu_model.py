@@ -90,11 +90,11 @@ class ImuModel:
 
     Parameters
     ----------
-    settings
+    settings : ImuSettings
         Its faults.
-    mounting_q_body_sensor
+    mounting_q_body_sensor : tuple of float
         (4,) sensor to body.
-    seed
+    seed : int
         Seed of its noise.
     """
 
@@ -140,13 +140,13 @@ class ImuModel:
 
         Parameters
         ----------
-        times_s
-            (n,) true time since power-up, s, n >= 1.
-        true_motion
+        times_s : (n,)
+            True time since power-up, s, n >= 1.
+        true_motion : callable
             The object's motion in that time.
-        first
+        first : int
             Number of the first sample since boot.
-        boot
+        boot : int
             Number of the boot, from 0.
 
         Returns
@@ -180,7 +180,7 @@ class ImuModel:
         )
 
     def _still(self, times_s: FloatArray, speed_dps: FloatArray, true_motion: TrueMotion) -> npt.NDArray[np.bool_]:
-        """Whether the rate of turn was below the threshold now and at points over the time before."""
+        """Return whether the rate of turn was below the threshold now and at points over the time before."""
         still = speed_dps < self.settings.still_below_dps
         for k in range(1, _STILL_POINTS):
             if not still.any():
@@ -191,7 +191,7 @@ class ImuModel:
         return still
 
     def is_still(self, time_s: float, true_motion: TrueMotion) -> bool:
-        """Whether the object is at rest at a time, by the same rule as the flag; CALIBRATE asks."""
+        """Return whether the object is at rest at a time, by the same rule as the flag; CALIBRATE asks."""
         times_s = np.array([time_s])
         _, rates_rad_s = true_motion(times_s)
         return bool(self._still(times_s, np.degrees(np.linalg.norm(rates_rad_s, axis=1)), true_motion)[0])

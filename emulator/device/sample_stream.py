@@ -41,12 +41,12 @@ def pack_orientations(
 
     Parameters
     ----------
-    sequence, uptime_us
-        (n,) without wrap.
-    quats_wxyz
-        (n, 4) unit.
-    flags
-        (n,).
+    sequence, uptime_us : (n,)
+        Counted and in us, without wrap.
+    quats_wxyz : (n, 4)
+        Unit.
+    flags : (n,)
+        Bits of OrientationFlag.
     """
     packed = np.empty(len(sequence), ORIENTATION_DTYPE)
     packed["type"] = PacketType.ORIENTATION
@@ -90,7 +90,7 @@ class SampleStream:
 
     Parameters
     ----------
-    imu, clock, true_motion
+    imu, clock, true_motion : ImuModel, DeviceClock, callable
         What is sampled, when, and of what.
     """
 

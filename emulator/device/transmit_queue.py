@@ -22,7 +22,7 @@ class TransmitQueue:
 
     Parameters
     ----------
-    capacity_bytes
+    capacity_bytes : int
         Room for samples. Replies have a small reserve beyond it.
     """
 
@@ -57,11 +57,11 @@ class TransmitQueue:
 
         Parameters
         ----------
-        samples
+        samples : sequence of tuple
             In order.
-        now_s
+        now_s : float
             Time, s.
-        sink
+        sink : callable
             The link.
         """
         stuck = False

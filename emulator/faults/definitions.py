@@ -180,13 +180,13 @@ class FaultLog:
 
         Parameters
         ----------
-        kind
+        kind : str
             What happened.
-        time_s
+        time_s : float
             When, s since power-up.
-        count
+        count : int
             Of how many bits, bytes or frames; 1 where there is only one thing it can happen to.
-        details
+        **details : object
             Anything else, ready for JSON.
         """
         self.counts[kind] += 1

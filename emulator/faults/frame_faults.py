@@ -41,7 +41,7 @@ class PacketFaults:
 
     Parameters
     ----------
-    settings, seed, log
+    settings, seed, log : FaultSettings, int, FaultLog
         What happens, its seed, and where it is noted.
     """
 
@@ -67,11 +67,11 @@ class PacketFaults:
 
         Parameters
         ----------
-        packets
+        packets : iterable of bytes
             Encoded.
-        now_s
+        now_s : float
             For the log, s.
-        active
+        active : bool
             False lets everything pass.
         """
         if not self.any:
@@ -136,7 +136,7 @@ class ByteFaults:
 
     Parameters
     ----------
-    settings, seed, log
+    settings, seed, log : FaultSettings, int, FaultLog
         What happens, its seed, and where it is noted.
     """
 

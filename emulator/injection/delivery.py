@@ -24,9 +24,9 @@ class Delivery:
 
     Parameters
     ----------
-    link
+    link : Link
         Open.
-    settings, seed, log
+    settings, seed, log : FaultSettings, int, FaultLog
         What happens to packets, its seed, and where it is noted.
     """
 
@@ -55,11 +55,11 @@ class Delivery:
 
         Parameters
         ----------
-        packets
+        packets : sequence of bytes
             Encoded, in order.
-        now_s
+        now_s : float
             Time, s.
-        faulty
+        faulty : bool
             Whether the rates of faults act now.
         """
         delayed = self._interval_s + self._jitter_s > 0.0

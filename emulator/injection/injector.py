@@ -35,9 +35,9 @@ class FaultInjector:
 
     Parameters
     ----------
-    virtual_object
+    virtual_object : VirtualObject
         The object.
-    link
+    link : Link
         Open.
 
     Attributes

@@ -65,7 +65,7 @@ class Link(ABC):
 
         Parameters
         ----------
-        packets
+        packets : sequence of bytes
             In order, each type byte and fields. None at all asks whether anybody is there.
 
         Returns
@@ -108,7 +108,7 @@ def open_link(address: str) -> Link:
 
     Parameters
     ----------
-    address
+    address : str
         ``pty:`` or ``pty:PATH`` (a symbolic link to make), ``tcp:PORT`` (loopback; 0 is any free one),
         ``file:PATH`` (a new byte file, in virtual time), ``can:...``.
 

@@ -32,7 +32,7 @@ class ByteLink(Link):
 
     @abstractmethod
     def _connected(self) -> bool:
-        """Whether somebody is at the other end."""
+        """Return whether somebody is at the other end."""
 
     @abstractmethod
     def _write(self, data: bytes) -> int:

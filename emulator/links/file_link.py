@@ -34,9 +34,9 @@ class FileLink(ByteLink):
 
     Parameters
     ----------
-    path
+    path : Path
         Must not exist.
-    with_raw_imu
+    with_raw_imu : bool
         Also ask for RAW_IMU.
     """
 

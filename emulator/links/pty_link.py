@@ -35,7 +35,7 @@ class PtyLink(ByteLink):
 
     Parameters
     ----------
-    symlink
+    symlink : Path, optional
         Where to put a symbolic link to the device; removed at the end. An old symbolic link to a device is replaced, a
         file is not.
     """
@@ -105,7 +105,7 @@ class PtyLink(ByteLink):
         self._restart()
 
     def _hung_up(self) -> bool:
-        """Whether nobody has the device open, as POLLHUP of the master shows."""
+        """Return whether nobody has the device open, as POLLHUP of the master shows."""
         if self._master < 0:
             return True
         poll = select.poll()

@@ -38,7 +38,7 @@ class TcpLink(ByteLink):
 
     Parameters
     ----------
-    port
+    port : int
         0-65535; with 0 the system chooses, see ``host_uri``.
     """
 

@@ -34,8 +34,8 @@ class CycleShape:
 
         Parameters
         ----------
-        phase
-            (n,) in cycles; only the fraction counts.
+        phase : (n,)
+            In cycles; only the fraction counts.
 
         Returns
         -------
@@ -87,9 +87,9 @@ def two_hump(second_height: float, saddle_height: float) -> CycleShape:
 
     Parameters
     ----------
-    second_height
+    second_height : float
         Height of the second peak, below 1 and above the saddle.
-    saddle_height
+    saddle_height : float
         Height of the turn between the peaks, above 0.
     """
     return CycleShape((0.0, 0.3, 0.5, 0.7, 1.0), (0.0, 1.0, saddle_height, second_height, 0.0), far_phase=0.3)

@@ -133,11 +133,11 @@ def drift_vectors(settings: DriftSettings, cycles: int, seed: int) -> FloatArray
 
     Parameters
     ----------
-    settings
+    settings : DriftSettings
         The drift.
-    cycles
+    cycles : int
         Number of cycles n.
-    seed
+    seed : int
         Seed of the random walk.
 
     Returns
@@ -165,9 +165,9 @@ class HandMotion:
 
     Parameters
     ----------
-    motion, drift
+    motion, drift : MotionSettings, DriftSettings
         Settings.
-    seed
+    seed : int
         Seed of tempo, amplitude and drift.
     """
 
@@ -237,8 +237,8 @@ class HandMotion:
 
         Parameters
         ----------
-        times_s
-            (n,) since the timeline started, s; any real number.
+        times_s : (n,)
+            Since the timeline started, s; any real number.
 
         Returns
         -------
@@ -255,8 +255,8 @@ class HandMotion:
 
         Parameters
         ----------
-        times_s
-            (n,) since the timeline started, s.
+        times_s : (n,)
+            Since the timeline started, s.
 
         Returns
         -------

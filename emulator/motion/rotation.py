@@ -17,8 +17,8 @@ def multiply(left: FloatArray, right: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    left, right
-        (..., 4) quaternions, scalar first.
+    left, right : (..., 4)
+        Quaternions, scalar first.
 
     Returns
     -------
@@ -49,10 +49,10 @@ def rotate(quats: FloatArray, vectors: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    quats
-        (..., 4) unit quaternions, scalar first.
-    vectors
-        (..., 3).
+    quats : (..., 4)
+        Unit quaternions, scalar first.
+    vectors : (..., 3)
+        To be rotated.
 
     Returns
     -------
@@ -69,8 +69,8 @@ def from_rotation_vector(vectors_rad: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    vectors_rad
-        (..., 3) rotation vectors, rad.
+    vectors_rad : (..., 3)
+        Rotation vectors, rad.
 
     Returns
     -------
@@ -87,8 +87,8 @@ def to_rotation_vector(quats: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    quats
-        (..., 4) unit quaternions, scalar first; the same for q and −q.
+    quats : (..., 4)
+        Unit quaternions, scalar first; the same for q and −q.
 
     Returns
     -------

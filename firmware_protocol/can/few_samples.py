@@ -97,7 +97,7 @@ def next_samples(
     ----------
     frames : sequence of (int, int)
         Host time in ns, and data as u64.
-    numbering, timeline
+    numbering, timeline : Numbering, Timeline
         Where the object stands; the numbering is moved on.
     """
     expected, newest = numbering.expected, timeline.newest

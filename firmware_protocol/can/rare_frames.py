@@ -66,7 +66,7 @@ class RareFrames:
         ----------
         function : int
             Bits 5-10 of the arbitration id.
-        record
+        record : numpy.void
             One record of a frame array; its length is right for its function.
         reference : int or None
             Counter of the sample before it.

@@ -21,7 +21,7 @@ class Adapter(Protocol):
     """What the adapter sends to a new host unasked."""
 
     def hears(self, time_ms: int) -> bool:
-        """Whether the host has opened the channel and frames may be passed on now."""
+        """Return whether the host has opened the channel and frames may be passed on now."""
 
     def reset(self) -> None:
         """Forget everything: there is a new host."""

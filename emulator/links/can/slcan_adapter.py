@@ -78,7 +78,7 @@ class SlcanAdapter:
         self.refusals = 0
 
     def hears(self, time_ms: int) -> bool:  # noqa: ARG002 (other adapters want a pause first)
-        """Whether the channel is open."""
+        """Return whether the channel is open."""
         return self.is_open
 
     def from_bus(self, frame: CanFrame, time_ms: int) -> bytes:

@@ -57,7 +57,7 @@ class SocketcandSession:
         self.refusals = 0
 
     def hears(self, time_ms: int) -> bool:
-        """Whether frames are passed on: in raw mode, and a while after its answer."""
+        """Return whether frames are passed on: in raw mode, and a while after its answer."""
         if not self._raw_asked:
             return False
         if self._raw_since_ms is None:

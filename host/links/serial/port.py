@@ -88,7 +88,7 @@ class SerialTransport(Transport):
 
     Parameters
     ----------
-    port
+    port : SerialBase
         An open ``serial.Serial`` (or what ``serial_for_url`` made).
     name : str
         The link's URI.
