@@ -220,6 +220,7 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
     ends = np.flatnonzero(np.frombuffer(block, dtype=np.uint8) == 0)
     lengths = ends.copy()
     lengths[1:] -= ends[:-1] + 1
+    # Only pieces of one length can become columns: the commonest that ORIENTATION can have.
     counts = np.bincount(lengths[::SAMPLED_EVERY], minlength=LONGEST_PIECE + 1)
     length = SHORTEST_PIECE + int(np.argmax(counts[SHORTEST_PIECE : LONGEST_PIECE + 1]))
     grouped = lengths == length
@@ -247,6 +248,7 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
         square = square[in_range]
         components = [component[in_range] for component in components]
 
+    # From columns of bytes to the arrays of samples, field by field.
     first = samples.n
     n = len(square)
     last = samples.n = first + n
@@ -261,6 +263,7 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
     for k in range(4):
         np.multiply(components[k], scale, out=samples.quats_wxyz[first:last, k])
 
+    # All that is not a good sample goes back, with its place: other packets, other lengths, damage.
     left_over = lengths > 0
     left_over[sample_pieces] = False
     other = np.flatnonzero(left_over)

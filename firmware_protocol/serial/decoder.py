@@ -219,7 +219,7 @@ class StreamDecoder:
         samples = SampleArrays(len(pieces), located=located)
         placed: list[tuple[int, Packet | ForeignInfo, int]] = []
         start = 0
-        if self._frames.at_start and pieces:
+        if self._frames.at_start and pieces:  # what may be the rest of a frame counts differently
             start = pieces.index(b"\0") + 1
             packets = [(0, packet, offset + start - 1) for packet in self._frames.unframe(pieces[:start])]
             self._place(samples, placed, packets)

@@ -102,7 +102,7 @@ class FrameDecoder:
         data = bytes(data)
         if not self._pending and not self._skipping and data[-1:] == b"\0":
             return data  # by far the commonest: reads end where frames do
-        if self._skipping:
+        if self._skipping:  # the rest of an oversize piece, up to its delimiter
             end = data.find(b"\0")
             if end < 0:
                 self._tally["skipped_bytes"] += len(data)
@@ -114,7 +114,7 @@ class FrameDecoder:
             data = self._pending + data
         end = data.rfind(b"\0") + 1
         self._pending = data[end:]
-        if len(self._pending) > MAX_PIECE_BYTES:
+        if len(self._pending) > MAX_PIECE_BYTES:  # cannot become a frame: dropped now, so that memory stays bounded
             self._reject("oversize", len(self._pending), at_start=self._at_start and end == 0)
             self._pending = b""
             self._skipping = True
