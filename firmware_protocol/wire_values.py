@@ -12,6 +12,7 @@ import math
 import operator
 import unicodedata
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, TypeAlias, TypeVar, cast
 
 from firmware_protocol import packets as p
@@ -258,9 +259,16 @@ def _start_from_wire(values: WireValues) -> p.Start:
     return p.Start(values[0], bool(values[1]))
 
 
+def _as_they_stand(kind: Callable[..., p.Packet], values: WireValues) -> p.Packet:
+    return kind(*values)
+
+
 def _id(packet: p.Command | p.TimeReply | p.Ack) -> int:
     return _integer("command_id", packet.command_id, 8)
 
+
+_PLAIN = (p.TimeReply, p.GetInfo, p.Stop, p.SetRate, p.Identify, p.Calibrate, p.TimeRequest, p.Mark)
+"""Packets whose fields are their wire values: every value is allowed."""
 
 TO_WIRE: dict[PacketType, Callable[[Any], WireValues]] = {
     PacketType.INFO: _info_to_wire,
@@ -282,15 +290,12 @@ TO_WIRE: dict[PacketType, Callable[[Any], WireValues]] = {
         int(_member(p.EventKind, "kind", event.kind, PacketValueError)),
         _integer("value", event.value, 16),
     ),
-    PacketType.GET_INFO: lambda command: (_id(command),),
     PacketType.START: lambda command: (_id(command), _integer("with_raw_imu", command.with_raw_imu, 8, 0, 1)),
-    PacketType.STOP: lambda command: (_id(command),),
     # Any rate can be asked for: the object refuses what it cannot do.
     PacketType.SET_RATE: lambda command: (_id(command), _integer("rate_hz", command.rate_hz, 16)),
     PacketType.IDENTIFY: lambda command: (_id(command), _integer("duration_s", command.duration_s, 8)),
-    PacketType.CALIBRATE: lambda command: (_id(command),),
-    PacketType.TIME_REQUEST: lambda command: (_id(command),),
     PacketType.MARK: lambda command: (_id(command), _integer("marker", command.marker, 16)),
+    **{kind.packet_type: lambda command: (_id(command),) for kind in (p.GetInfo, p.Stop, p.Calibrate, p.TimeRequest)},
 }
 """Flat wire values of a packet, by type. Raise :class:`PacketValueError`."""
 
@@ -302,17 +307,10 @@ FROM_WIRE: dict[PacketType, Callable[[WireValues], p.Packet]] = {
     PacketType.ACK: lambda values: p.Ack(
         values[0], values[1], _member(p.AckCode, "code", values[2], MalformedPacketError)
     ),
-    PacketType.TIME_REPLY: lambda values: p.TimeReply(*values),
     PacketType.EVENT: lambda values: p.Event(
         values[0], _member(p.EventKind, "kind", values[1], MalformedPacketError), values[2]
     ),
-    PacketType.GET_INFO: lambda values: p.GetInfo(*values),
     PacketType.START: _start_from_wire,
-    PacketType.STOP: lambda values: p.Stop(*values),
-    PacketType.SET_RATE: lambda values: p.SetRate(*values),
-    PacketType.IDENTIFY: lambda values: p.Identify(*values),
-    PacketType.CALIBRATE: lambda values: p.Calibrate(*values),
-    PacketType.TIME_REQUEST: lambda values: p.TimeRequest(*values),
-    PacketType.MARK: lambda values: p.Mark(*values),
+    **{kind.packet_type: partial(_as_they_stand, kind) for kind in _PLAIN},
 }
 """Packet of its flat wire values, by type. Raise :class:`MalformedPacketError`."""

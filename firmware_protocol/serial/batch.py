@@ -248,20 +248,10 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
         square = square[in_range]
         components = [component[in_range] for component in components]
 
-    # From columns of bytes to the arrays of samples, field by field.
     first = samples.n
-    n = len(square)
-    last = samples.n = first + n
-    samples.sequence[first:last] = _int16(packets, _SEQUENCE).view(np.uint16)
-    times = samples.device_time_us[first:last].view(np.uint8).reshape(n, 4)
-    for k in range(4):
-        times[:, k] = packets[_TIME + k]
-    samples.flags[first:last] = packets[_FLAGS]
+    _append(samples, packets, components, square)
     if samples.ends is not None:
-        np.add(ends[sample_pieces], offset, out=samples.ends[first:last])
-    scale = 1.0 / np.sqrt(square.astype(np.float64))
-    for k in range(4):
-        np.multiply(components[k], scale, out=samples.quats_wxyz[first:last, k])
+        np.add(ends[sample_pieces], offset, out=samples.ends[first : samples.n])
 
     # All that is not a good sample goes back, with its place: other packets, other lengths, damage.
     left_over = lengths > 0
@@ -272,7 +262,28 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
         (position, bytes(block[end - size : end]), end + offset)
         for position, end, size in zip(before.tolist(), ends[other].tolist(), lengths[other].tolist(), strict=True)
     ]
+    n = len(square)
     return BlockReport(len(ends), n, n * length, n if length > SHORTEST_PIECE else 0, others)
+
+
+def _append(
+    samples: SampleArrays,
+    packets: ByteArray,
+    components: list[npt.NDArray[np.int16]],
+    square: npt.NDArray[np.uint32],
+) -> None:
+    """Append n samples: packets as columns (16, n), the quaternion's components, the sum of their squares (n,)."""
+    n = len(square)
+    first = samples.n
+    last = samples.n = first + n
+    samples.sequence[first:last] = _int16(packets, _SEQUENCE).view(np.uint16)
+    times = samples.device_time_us[first:last].view(np.uint8).reshape(n, 4)
+    for k in range(4):
+        times[:, k] = packets[_TIME + k]
+    samples.flags[first:last] = packets[_FLAGS]
+    scale = 1.0 / np.sqrt(square.astype(np.float64))
+    for k in range(4):
+        np.multiply(components[k], scale, out=samples.quats_wxyz[first:last, k])
 
 
 def _int16(packets: ByteArray, row: int) -> npt.NDArray[np.int16]:

@@ -1,5 +1,6 @@
 """CAN mapping: ids, layouts and every packet there and back."""
 
+import dataclasses
 import itertools
 import math
 
@@ -220,6 +221,16 @@ def test_long_packets_travel_to_the_object_too(fd: bool) -> None:
             for answer in answers:
                 host.feed(answer.data)
     assert got == [unknown]
+
+
+@pytest.mark.parametrize("fd", [False, True])
+def test_failed_long_packets_stay_counted_when_the_link_is_opened_again(fd: bool) -> None:
+    (first,) = CanObject(5, fd).encode([info_packet()])
+    decoder = CanStreamDecoder(5)
+    decoder.feed(pack_frames([first, dataclasses.replace(first, data=b"\x25" + first.data[1:])]))  # 5 in place of 1
+    assert decoder.counters.long_packet_errors == 1
+    decoder.restart()
+    assert decoder.counters.long_packet_errors == 1
 
 
 @pytest.mark.parametrize("fd", [False, True])

@@ -8,6 +8,7 @@ and what stops the others is reported. A BLF is compressed, and mutated ones hav
 from __future__ import annotations
 
 import io
+import itertools
 import struct
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from typing import IO, TextIO
 
 import can
 
-from firmware_protocol.can.frames import CanFrame, frame_array, iter_frames, pack_frames
+from firmware_protocol.can.frames import frame_array, iter_frames, pack_frames
 from host.errors import FileError, unreadable
 from host.links.can.bus import received_frame
 from host.links.can.log_kind import CANDUMP_LINE, can_log_kind
@@ -95,14 +96,15 @@ def _candump(file: TextIO, damage: list[str]) -> Iterator[can.Message]:
         nonlocal bad
         for line in file:
             if CANDUMP_LINE.match(line):
-                yield line
+                yield line.rstrip("\n")
             else:
                 bad += bool(line.strip())
 
-    for batch in _batched(good_lines(), FRAMES_A_CHUNK):
+    lines = good_lines()
+    while batch := list(itertools.islice(lines, FRAMES_A_CHUNK)):
         count = 0
         try:
-            for message in can.CanutilsLogReader(io.StringIO("".join(batch))):
+            for message in can.CanutilsLogReader(io.StringIO("\n".join(batch))):
                 count += 1
                 yield message
         except Exception:  # noqa: BLE001
@@ -111,26 +113,10 @@ def _candump(file: TextIO, damage: list[str]) -> Iterator[can.Message]:
         damage.append(f"{bad} lines are no candump lines and are left out")
 
 
-def _batched(lines: Iterator[str], size: int) -> Iterator[list[str]]:
-    batch: list[str] = []
-    for line in lines:
-        batch.append(line if line.endswith("\n") else line + "\n")
-        if len(batch) == size:
-            yield batch
-            batch = []
-    if batch:
-        yield batch
-
-
 def _chunks(messages: Iterable[can.Message]) -> Iterator[FrameChunk]:
-    frames: list[CanFrame] = []
-    for message in messages:
-        frames.append(received_frame(message, round(message.timestamp * 1e9)))
-        if len(frames) == FRAMES_A_CHUNK:
-            yield FrameChunk(pack_frames(frames), frames[-1].host_time_ns)
-            frames = []
-    if frames:
-        yield FrameChunk(pack_frames(frames), frames[-1].host_time_ns)
+    frames = (received_frame(message, round(message.timestamp * 1e9)) for message in messages)
+    while batch := list(itertools.islice(frames, FRAMES_A_CHUNK)):
+        yield FrameChunk(pack_frames(batch), batch[-1].host_time_ns)
 
 
 def write_chunks(messages: Iterable[can.Message], file: IO[bytes]) -> None:
