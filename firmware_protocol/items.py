@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TypeAlias
 
+from firmware_protocol import codec
+from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
 from firmware_protocol.packets import OrientationBatch, Packet, PacketType
 
 Tally: TypeAlias = Counter[str]
@@ -68,3 +70,20 @@ class StreamCounters(FrameCounters):
     """INFO packets of another major version."""
     extended: int = 0
     """Of the packets delivered, those with fields of a newer minor version at their end."""
+
+
+def decode_counted(data: bytes, tally: Tally) -> Packet | ForeignInfo | None:
+    """Return the packet of its bytes; None where there is none. What is unusual about it is counted."""
+    try:
+        packet = codec.decode_packet(data)
+    except MalformedPacketError:
+        tally["malformed"] += 1
+        return None
+    except UnknownPacketTypeError:
+        tally["unknown_types"] += 1
+        return None
+    except UnsupportedVersionError as error:
+        tally["unsupported_versions"] += 1
+        return ForeignInfo(error.protocol_major, error.protocol_minor)
+    tally["extended"] += codec.is_extended(data)
+    return packet

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from firmware_protocol import codec
 from firmware_protocol.can.iso_tp import LongPacketChannel
 from firmware_protocol.can.mapping import (
     FD_BIT,
@@ -21,12 +20,13 @@ from firmware_protocol.can.mapping import (
     status_values,
 )
 from firmware_protocol.can.timeline import Timeline
-from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
-from firmware_protocol.items import ForeignInfo, Tally
-from firmware_protocol.packets import Orientation, Packet, PacketType
+from firmware_protocol.errors import MalformedPacketError
+from firmware_protocol.items import ForeignInfo, Tally, decode_counted
+from firmware_protocol.packets import Packet, PacketType
 from firmware_protocol.wire_values import FROM_WIRE
 
 _WHOLE = FD_BIT >> NODE_BITS
+_ORIENTATION = bytes([PacketType.ORIENTATION])
 
 
 class RareFrames:
@@ -151,20 +151,10 @@ class RareFrames:
         return packet
 
     def _decode(self, data: bytes) -> Packet | ForeignInfo | None:
-        try:
-            packet = codec.decode_packet(data)
-        except MalformedPacketError:
+        if data[:1] == _ORIENTATION:  # has frames of its own
             self._tally["malformed"] += 1
             return None
-        except UnknownPacketTypeError:
-            self._tally["unknown_types"] += 1
-            return None
-        except UnsupportedVersionError as error:
-            self._tally["unsupported_versions"] += 1
-            return ForeignInfo(error.protocol_major, error.protocol_minor)
-        if isinstance(packet, Orientation):  # has frames of its own
-            self._tally["malformed"] += 1
-            return None
-        self.packets[packet.packet_type] += 1
-        self._tally["extended"] += codec.is_extended(data)
-        return packet
+        item = decode_counted(data, self._tally)
+        if item is not None and not isinstance(item, ForeignInfo):
+            self.packets[item.packet_type] += 1
+        return item

@@ -18,8 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol import codec
-from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
-from firmware_protocol.items import ForeignInfo, StreamCounters, StreamItem, Tally
+from firmware_protocol.items import ForeignInfo, StreamCounters, StreamItem, Tally, decode_counted
 from firmware_protocol.packets import Command, Orientation, OrientationBatch, Packet, PacketType
 from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
 from firmware_protocol.serial.batch import (
@@ -271,19 +270,10 @@ class StreamDecoder:
 
     def _decode(self, data: bytes, n_before: int) -> Packet | ForeignInfo | None:
         """Decode and count one packet, with ``n_before`` samples before it; ORIENTATION is counted elsewhere."""
-        try:
-            packet = codec.decode_packet(data)
-        except MalformedPacketError:
-            self._tally["malformed"] += 1
+        malformed = self._tally["malformed"]
+        item = decode_counted(data, self._tally)
+        if self._tally["malformed"] > malformed:
             self._damage.append(n_before)
-            return None
-        except UnknownPacketTypeError:
-            self._tally["unknown_types"] += 1
-            return None
-        except UnsupportedVersionError as error:
-            self._tally["unsupported_versions"] += 1
-            return ForeignInfo(error.protocol_major, error.protocol_minor)
-        self._tally["extended"] += codec.is_extended(data)
-        if not isinstance(packet, Orientation):
-            self._others[packet.packet_type] += 1
-        return packet
+        if item is not None and not isinstance(item, Orientation | ForeignInfo):
+            self._others[item.packet_type] += 1
+        return item

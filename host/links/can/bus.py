@@ -37,7 +37,6 @@ from host.errors import LinkError, LinkLostError, UsageError
 from host.links.can.drivers import CanSettings, can_settings, open_bus
 from host.links.can.health import BusHealth
 from host.links.can.socketcan import dropped_frames, interface_index
-from host.links.serial.port import existing_ports
 from host.links.transport import FrameChunk, Transport
 from host.links.uri import LinkUri
 from host.text import plain
@@ -66,7 +65,7 @@ def open_transport(uri: LinkUri) -> CanTransport:
         It does not open, or the adapter is silent.
     """
     settings = can_settings(uri)
-    return CanTransport(settings, str(uri), open_bus(settings, str(uri), existing_ports()))
+    return CanTransport(settings, str(uri), open_bus(settings, str(uri)))
 
 
 class CanTransport(Transport):
@@ -222,7 +221,7 @@ class CanTransport(Transport):
             with contextlib.suppress(*IO_ERRORS):
                 self._bus.shutdown()
             try:
-                self._bus = open_bus(self._settings, self.name, [])
+                self._bus = open_bus(self._settings, self.name)
             except (LinkError, UsageError) as failure:
                 reason = plain(str(error).partition("Traceback")[0].strip(), 80)
                 raise LinkLostError(

@@ -123,7 +123,7 @@ def _in_full(name: str, text: str) -> str:
     return text if found is None else str(int(found[1]) * (1_000_000 if found[2] == "M" else 1000))
 
 
-def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries: int = 20) -> can.BusABC:
+def open_bus(settings: CanSettings, name: str, tries: int = 20) -> can.BusABC:
     """Open the bus and set its filters.
 
     Raises
@@ -145,8 +145,8 @@ def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries:
     except Exception as error:  # without its library a driver raises anything, NameError among it
         if settings.interface == "socketcand" and isinstance(error, can.CanError) and tries > 1:
             time.sleep(0.05)  # a server for one client may not have noticed yet that the last one has gone
-            return open_bus(settings, name, existing_ports, tries - 1)
-        raise _open_error(error, settings, name, existing_ports) from error
+            return open_bus(settings, name, tries - 1)
+        raise _open_error(error, settings, name) from error
     if settings.interface == "socketcan" and is_down(settings.channel):
         bus.shutdown()
         raise LinkError(
@@ -240,7 +240,7 @@ def _await_adapter(bus: Any, settings: CanSettings) -> None:  # noqa: ANN401 (sl
         raise PortNotFoundError(f"{settings.channel} is gone ({plain(str(error), 100)})") from error
 
 
-def _open_error(error: Exception, settings: CanSettings, name: str, existing: list[str]) -> LinkError | UsageError:
+def _open_error(error: Exception, settings: CanSettings, name: str) -> LinkError | UsageError:
     cause = error.__cause__ if isinstance(error.__cause__, Exception) else error
     number = getattr(cause, "errno", None) or getattr(error, "error_code", None)
     text = plain(str(error), 160)
@@ -249,7 +249,7 @@ def _open_error(error: Exception, settings: CanSettings, name: str, existing: li
             return UsageError(
                 f"SLCAN adapters cannot do this ({text})", "give ?bitrate=500000 (FD: data_bitrate=2000000)"
             )
-        return translate_open_error(cause, settings.channel, existing)
+        return translate_open_error(cause, settings.channel)
     missing = (ImportError, NameError, AttributeError, can.CanInterfaceNotImplementedError)
     if isinstance(cause, missing) or isinstance(error, missing) or "library not found" in text:
         return LinkError(

@@ -23,7 +23,7 @@ from host.errors import (
     PortPermissionError,
     UsageError,
 )
-from host.links.serial.listing import port_owners
+from host.links.serial.listing import existing_ports, port_owners
 from host.text import plain
 
 BUSY = {errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK}
@@ -32,7 +32,7 @@ DENIED = {errno.EACCES, errno.EPERM}
 
 
 def translate_open_error(
-    error: Exception, target: str, existing: list[str], platform: str = sys.platform
+    error: Exception, target: str, existing: list[str] | None = None, platform: str = sys.platform
 ) -> LinkError | UsageError:
     """Return the error of a port that did not open.
 
@@ -42,8 +42,8 @@ def translate_open_error(
         What the driver raised.
     target : str
         Device path, COM port or URL.
-    existing : list of str
-        Ports that do exist, to suggest.
+    existing : list of str, optional
+        Ports that do exist, to suggest; those of this machine by default.
     platform : str
         ``sys.platform``; a parameter, so that every platform's sentences are tested on one.
     """
@@ -71,6 +71,7 @@ def translate_open_error(
     if number in DENIED:
         return _permission(target, platform)
     if number in GONE or "FileNotFoundError" in text:
+        existing = existing_ports() if existing is None else existing
         here = f"ports here: {', '.join(existing)}" if existing else "no serial port exists here"
         return PortNotFoundError(f"there is no port {target}", f"{here}; plug the object in or correct the name")
     if number in {errno.ENOTTY, errno.EINVAL, errno.EISDIR} or "Inappropriate ioctl" in text:

@@ -53,6 +53,14 @@ def list_serial_ports() -> list[SerialPort]:
     return ports
 
 
+def existing_ports() -> list[str]:
+    """Return the names of the ports, sorted."""
+    try:
+        return sorted(str(port.device) for port in _list_ports.comports())
+    except OSError:  # a listing that fails must not hide the failure that asked for it
+        return []
+
+
 PROC = Path("/proc")
 
 

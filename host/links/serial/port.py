@@ -22,7 +22,6 @@ from collections.abc import Callable
 from typing import Any
 
 import serial
-from serial.tools import list_ports
 
 from host.errors import LinkLostError
 from host.links.serial.errors import translate_io_error, translate_open_error
@@ -37,8 +36,7 @@ TTY_READ_BYTES = 4096
 POLL_S = 0.05
 """Longest wait inside one read where the port cannot be waited for with ``select``."""
 
-_serial_for_url: Callable[..., Any] = serial.serial_for_url  # neither is annotated by pyserial
-_list_ports: Any = list_ports
+_serial_for_url: Callable[..., Any] = serial.serial_for_url  # not annotated by pyserial
 
 DRIVER_ERRORS: tuple[type[Exception], ...] = (serial.SerialException, OSError, TypeError, ValueError)
 if sys.platform != "win32":
@@ -71,16 +69,8 @@ def open_transport(uri: LinkUri) -> SerialTransport:
             **({"exclusive": True} if has_lock else {}),
         )
     except DRIVER_ERRORS as error:
-        raise translate_open_error(error, uri.target, existing_ports()) from error
+        raise translate_open_error(error, uri.target) from error
     return SerialTransport(port, str(uri), has_descriptor)
-
-
-def existing_ports() -> list[str]:
-    """Return the names of the serial ports of this machine, sorted."""
-    try:
-        return sorted(str(port.device) for port in _list_ports.comports())
-    except OSError:  # a listing that fails must not hide the failure that asked for it
-        return []
 
 
 class SerialTransport(Transport):
