@@ -85,5 +85,6 @@ def decode_counted(data: bytes, tally: Tally) -> Packet | ForeignInfo | None:
     except UnsupportedVersionError as error:
         tally["unsupported_versions"] += 1
         return ForeignInfo(error.protocol_major, error.protocol_minor)
-    tally["extended"] += codec.is_extended(data)
+    if codec.is_extended(data):
+        tally["extended"] += 1
     return packet

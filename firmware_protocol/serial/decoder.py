@@ -272,8 +272,9 @@ class StreamDecoder:
         """Decode and count one packet, with ``n_before`` samples before it; ORIENTATION is counted elsewhere."""
         malformed = self._tally["malformed"]
         item = decode_counted(data, self._tally)
-        if self._tally["malformed"] > malformed:
-            self._damage.append(n_before)
-        if item is not None and not isinstance(item, Orientation | ForeignInfo):
+        if item is None:
+            if self._tally["malformed"] > malformed:
+                self._damage.append(n_before)
+        elif not isinstance(item, (Orientation, ForeignInfo)):
             self._others[item.packet_type] += 1
         return item
