@@ -31,7 +31,7 @@ from emulator.scenario import load_scenario
 from firmware_protocol.can.encoder import command_frame
 from firmware_protocol.can.mapping import CanFunction, arbitration_id
 from firmware_protocol.codec import encode_packet
-from firmware_protocol.packets import SetRate, Start
+from firmware_protocol.packets import OrientationBatch, SetRate, Start
 from host.links import open_transport
 from host.stream.decoding import Link
 
@@ -104,16 +104,22 @@ def _timed(turn: Callable[[], None], count: Callable[[], tuple[int, int]], secon
 def read_ours(uri: str, seconds: float) -> Reading:
     """Through our transport and decoder."""
     link = Link(node=NODE)
+    lost = 0
+    last: int | None = None
     with open_transport(uri) as transport:
         for command in START:
             transport.write(transport.encode_command(command))
 
         def turn() -> None:
+            nonlocal lost, last
             chunk = transport.read(0.05)
-            if chunk is not None:
-                link.feed(chunk)
+            for item in () if chunk is None else link.feed(chunk):
+                if isinstance(item, OrientationBatch):
+                    sequence = int(item.sequence[-1])
+                    lost += 0 if last is None else (sequence - last - len(item)) & 0xFFFF
+                    last = sequence
 
-        return _timed(turn, lambda: (link.counters.frames, link.counters.samples_lost), seconds)
+        return _timed(turn, lambda: (link.counters.frames, lost), seconds)
 
 
 def _peer_bus(uri: str) -> can.BusABC:

@@ -200,7 +200,7 @@ def _highest_rate(topic: Topic, quick: bool) -> None:
             used = cpu_s(run)
             for writer in writers:
                 writer.close()
-            assert all(trial.link.counters.samples_lost == 0 for trial in trials)
+            assert all(trial.assembler.losses().missing == 0 for trial in trials)
             rates.append(OBJECTS * per_object / used)
             written.append(1e6 * used / (OBJECTS * per_object))
     note = f"{OBJECTS} objects, reads of 25 samples; trial, clock and recording of each, no screen, no ports"

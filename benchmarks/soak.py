@@ -20,15 +20,15 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from emulator.links.memory_link import MemoryLink
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
 from host.capture.loop import Capture
 from host.capture.settings import CaptureSettings
-from host.links.transport import Chunk, ClosingTransport, LinkEnd
+from host.links.transport import Chunk, LinkEnd, Transport
 from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen
 from host.trial.live import Trial
+from tests.memory_link import MemoryLink
 
 START_NS = 10**12
 AHEAD_STEPS = 20
@@ -36,7 +36,7 @@ AHEAD_BYTES = 1 << 14
 """How far the object may run ahead of the capture: a real one cannot, for time would pass."""
 
 
-class VirtualTransport(ClosingTransport):
+class VirtualTransport(Transport):
     """A live link on which time is what the object says."""
 
     name = "virtual:"

@@ -5,7 +5,7 @@ which meet the clock and the operating system. Errors, one tree::
 
     EmulatorError        as it is: the truth or a byte file cannot be written (names the file)
     ├── ScenarioError    a scenario is unknown, not TOML, or a value in it is out of range (names the key)
-    └── LinkError        a link cannot be opened: bad URI, port or path taken (says what to do)
+    └── LinkError        a link cannot be opened: bad URI, port or path in use (with a remedy)
 """
 
 from __future__ import annotations
@@ -22,4 +22,4 @@ class ScenarioError(EmulatorError):
 
 
 class LinkError(EmulatorError):
-    """A link that cannot be opened; the message says why and what to do."""
+    """A link that cannot be opened; the message has the reason and a remedy."""

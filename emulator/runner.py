@@ -2,7 +2,7 @@
 
 Real time keeps absolute deadlines: the loop sleeps in the link until the next sample is due or a command arrives, and
 wakes at most once per ``GRANULARITY_S``. A run that falls behind (a busy machine, a suspended process) catches up at
-once; what the link then cannot take is dropped and counted by the object.
+once; what the link then cannot accept is dropped and counted by the object.
 """
 
 from __future__ import annotations
@@ -24,8 +24,6 @@ from emulator.scenario import Scenario
 from emulator.truth import write_truth
 from emulator.virtual_object import VirtualObject
 
-__all__ = ["GRANULARITY_S", "RunResult", "VirtualObject", "run"]
-
 GRANULARITY_S = 0.0005
 """Samples leave at most this often, in groups if they are due more often."""
 _LOOK_UP_S = 0.05
@@ -37,7 +35,7 @@ _VIRTUAL_LIMIT_S = 7 * 86_400.0
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a run came to."""
+    """The outcome of a run."""
 
     duration_s: float
     """How long the object was powered, in its own world's true time, s."""
@@ -60,22 +58,22 @@ def run(
 
     Parameters
     ----------
-    scenario
+    scenario : Scenario
         What the object does.
-    link
+    link : Link
         Where it is connected; opened here, closed at the end.
-    duration_s
+    duration_s : float, optional
         How long, s. None: until stopped, or in virtual time until the scenario is over.
-    truth_path
+    truth_path : str or Path, optional
         Where to write the truth: at the start, in real time while end points are passed, and at the end. Replaced if
         it exists.
-    stop
+    stop : Event, optional
         Ends the run within 50 ms.
-    on_ready
+    on_ready : callable
         Called once with the link as the host names it, when the object can be reached.
-    seed
+    seed : int, optional
         In place of the scenario's.
-    live_faults
+    live_faults : SimpleQueue of LiveFault, optional
         Faults put here happen at once, whatever their ``at_s``; see
         :func:`emulator.faults.definitions.parse_fault_command`.
 
@@ -111,7 +109,7 @@ class _TruthFile:
     def __init__(self, virtual_object: VirtualObject, injector: FaultInjector, path: Path | None) -> None:
         self._object, self._injector, self._path = virtual_object, injector, path
         self._next_s = 0.0
-        self._said: tuple[int, int] = (-1, -1)
+        self._written: tuple[int, int] = (-1, -1)
 
     @property
     def _news(self) -> tuple[int, int]:
@@ -125,13 +123,13 @@ class _TruthFile:
                 write_truth(self._path, document)
             except OSError as error:
                 raise EmulatorError(f"cannot write the truth to {self._path}: {error.strerror}") from error
-        # The truth of a long run takes a while to write: never more than a twentieth of the time.
+        # Writing the truth of a long run is slow: never more than a twentieth of the time.
         self._next_s = now_s + max(_TRUTH_EVERY_S, 20.0 * (time.monotonic() - started))
-        self._said = self._news
+        self._written = self._news
         return document
 
     def refresh(self, now_s: float) -> None:
-        if self._path is not None and now_s >= self._next_s and self._news != self._said:
+        if self._path is not None and now_s >= self._next_s and self._news != self._written:
             self.write(now_s)
 
 
@@ -147,7 +145,7 @@ class _Bench:
     live_faults: SimpleQueue[LiveFault] | None
     now_s: float = 0.0
 
-    def _take_live_faults(self) -> None:
+    def _inject_live_faults(self) -> None:
         while self.live_faults is not None:
             try:
                 self.injector.inject(self.live_faults.get_nowait())
@@ -159,7 +157,7 @@ class _Bench:
         started = time.monotonic()
         while not self.stop.is_set() and self.now_s < end_s:
             self._read_clock(started, end_s)
-            self._take_live_faults()
+            self._inject_live_faults()
             self.injector.step(self.now_s)
             commands = self.injector.collect()
             if commands:
@@ -180,7 +178,7 @@ class _Bench:
     def virtual_time(self, duration_s: float | None) -> None:
         steps = 0
         while not self.stop.is_set():
-            self._take_live_faults()
+            self._inject_live_faults()
             self.injector.receive(self.now_s)
             end_s = self.virtual_object.end_s if duration_s is None else duration_s
             if end_s > _VIRTUAL_LIMIT_S:

@@ -1,4 +1,4 @@
-"""Scenarios: TOML files that say what the hand does, how the object drifts, and what the sensor and the link do to it.
+"""Scenarios: TOML files of what the hand does, how the object drifts, and what the sensor and the link do to it.
 
 A dozen ship with the package; ``docs/emulator.md`` lists every key. A scenario is checked as a whole when it is loaded.
 """
@@ -19,8 +19,6 @@ from emulator.faults.definitions import FaultSettings
 from emulator.motion.hand_motion import DriftSettings, MotionSettings
 from emulator.settings import check_settings, integer, read_table, table, text
 
-__all__ = ["Scenario", "ScenarioError", "load_scenario", "scenario_names"]
-
 MAX_FILE_BYTES = 100_000
 
 
@@ -29,7 +27,7 @@ class Scenario:
     """Everything a run needs but the link, the time and, if another is wanted, the seed."""
 
     purpose: str = text("")
-    """One line that says what the scenario is for."""
+    """What the scenario is for, one line."""
     seed: int = integer(1, 0, 2**32 - 1)
     """Seed of everything random."""
     motion: MotionSettings = table(MotionSettings)
@@ -69,7 +67,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
     Parameters
     ----------
-    name_or_path
+    name_or_path : str or Path
         A name of :func:`scenario_names`; anything with a ``.toml`` ending or a separator is a path.
 
     Returns
@@ -82,23 +80,23 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         Unknown name (lists all), no such file, too large, not TOML (names the line), or a value that is not allowed
         (names the key).
     """
-    given = str(name_or_path)
-    if isinstance(name_or_path, Path) or given.endswith(".toml") or "/" in given or "\\" in given:
-        path = Path(given).expanduser()
+    name = str(name_or_path)
+    if isinstance(name_or_path, Path) or name.endswith(".toml") or "/" in name or "\\" in name:
+        path = Path(name).expanduser()
         try:
             with path.open("rb") as file:
                 data = file.read(MAX_FILE_BYTES + 1)
         except OSError as error:
             raise ScenarioError(f"cannot read scenario {path}: {error.strerror}") from error
         if len(data) > MAX_FILE_BYTES:
-            raise ScenarioError(f"{path} is larger than {MAX_FILE_BYTES} bytes: that is no scenario")
+            raise ScenarioError(f"{path} is larger than {MAX_FILE_BYTES} bytes: it is not a scenario")
         return _parse(data, path.stem, str(path))
     shipped = _shipped()
-    if given not in shipped:
+    if name not in shipped:
         raise ScenarioError(
-            f"unknown scenario {given!r}: choose one of {', '.join(sorted(shipped))}, or give the path of a .toml file"
+            f"unknown scenario {name!r}: choose one of {', '.join(sorted(shipped))}, or give the path of a .toml file"
         )
-    return _parse(shipped[given].read_bytes(), given, f"scenario {given}")
+    return _parse(shipped[name].read_bytes(), name, f"scenario {name}")
 
 
 def _parse(data: bytes, name: str, where: str) -> Scenario:

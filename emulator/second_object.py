@@ -13,8 +13,6 @@ from emulator.device.transmit_queue import Sink
 from emulator.motion.rotation import FloatArray
 from emulator.virtual_object import VirtualObject
 
-__all__ = ["SecondObject"]
-
 _UPTIME_US = 1_234_567_890
 _REST_Q_WXYZ = (0.5, 0.5, 0.5, 0.5)
 
@@ -24,9 +22,9 @@ class SecondObject:
 
     Parameters
     ----------
-    first
+    first : VirtualObject
         Whose line it shares.
-    now_s
+    now_s : float
         When, s.
     """
 
@@ -55,7 +53,7 @@ class SecondObject:
         self._firmware.step(now_s, sink)
 
     def receive(self, command: bytes, now_s: float) -> None:
-        """Take a command: it hears what the first one hears."""
+        """Process a command: it hears what the first one hears."""
         self._firmware.receive(command, now_s)
 
 

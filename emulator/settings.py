@@ -16,19 +16,6 @@ from typing import Any, Protocol, TypeVar
 
 from emulator import ScenarioError
 
-__all__ = [
-    "check_settings",
-    "choice",
-    "integer",
-    "number",
-    "read_table",
-    "switch",
-    "table",
-    "tables",
-    "text",
-    "vector",
-]
-
 S = TypeVar("S")
 
 MAX_TEXT_BYTES = 200
@@ -36,7 +23,7 @@ MAX_TABLES = 100
 
 
 class _Rule(Protocol):
-    """Says what is wrong with a value, or returns the value in the field's own type."""
+    """Checks a value, and returns it in the field's own type."""
 
     @property
     def allowed(self) -> str:
@@ -230,11 +217,11 @@ def read_table(cls: type[S], data: Mapping[str, Any], where: str = "") -> S:
 
     Parameters
     ----------
-    cls
+    cls : type
         The settings class.
-    data
+    data : mapping
         The table.
-    where
+    where : str
         Dotted name of the table, for messages; empty at the top.
 
     Returns

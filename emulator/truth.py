@@ -7,8 +7,8 @@ and shares no code with the analysis that is tested against it. For constant dri
 ``endpoints`` are those of the *primary* extreme, the one first reached after the start pose; ``other_extreme`` has the
 other's. Each end point has its true time since power-up (``time_s``), what the object's clock shows then
 (``device_time_us``, wrapped), the true orientation, and the sample nearest in time: its ``sequence`` counted since boot
-without wrap, the ``boot`` it belongs to, and ``sample_dt_s``, how much later it was taken. They are null for what has
-not happened yet.
+without wrap, the ``boot`` it belongs to, and ``sample_dt_s``, how much later it was measured. They are null for what
+has not happened yet.
 """
 
 from __future__ import annotations
@@ -25,8 +25,6 @@ from emulator.device.sample_stream import SampleBlock
 from emulator.motion.hand_motion import Extremes
 from emulator.motion.rotation import FloatArray, conjugate, multiply, to_rotation_vector
 from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US
-
-__all__ = ["FORMAT", "EndpointWatch", "mean_drift", "step_angles_deg", "write_truth"]
 
 FORMAT = "rotdrift-truth-1"
 _NEAR_S = 0.11  # a sample further from an end point than a period of the slowest rate is not its sample
@@ -47,8 +45,8 @@ def mean_drift(quats_wxyz: FloatArray) -> tuple[float | None, list[float] | None
 
     Parameters
     ----------
-    quats_wxyz
-        (n, 4) orientation at the end points.
+    quats_wxyz : (n, 4)
+        Orientation at the end points.
 
     Returns
     -------
@@ -72,9 +70,9 @@ class EndpointWatch:
 
     Parameters
     ----------
-    extremes
+    extremes : Extremes
         End points of one kind.
-    clock
+    clock : DeviceClock
         The object's clock.
     """
 
@@ -87,12 +85,12 @@ class EndpointWatch:
         self._boot = np.full(n, -1, dtype=np.int64)
         self._uptime_us = np.full(n, np.nan)
 
-    def begin(self, hand_start_s: float) -> None:
-        """Fix the end points in time: the hand's timeline begins."""
+    def start(self, hand_start_s: float) -> None:
+        """Fix the end points in time: the hand's timeline starts."""
         self._times_s = self._extremes.times_s + hand_start_s
 
     def feed(self, block: SampleBlock, boot: int) -> int:
-        """Take a run of samples; return how many end points it came near to."""
+        """Process a run of samples; return how many end points it came near to."""
         if self._times_s is None:
             return 0
         low = int(np.searchsorted(self._times_s, block.times_s[0] - _NEAR_S))

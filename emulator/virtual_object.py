@@ -16,8 +16,6 @@ from emulator.motion.rotation import FloatArray
 from emulator.scenario import Scenario
 from emulator.truth import FORMAT, EndpointWatch
 
-__all__ = ["VirtualObject"]
-
 
 class VirtualObject:
     """The object and the hand that moves it; powered up at time 0.
@@ -26,9 +24,9 @@ class VirtualObject:
 
     Parameters
     ----------
-    scenario
+    scenario : Scenario
         What it does.
-    seed
+    seed : int, optional
         Seed of everything random; the scenario's where None.
 
     Attributes
@@ -36,7 +34,7 @@ class VirtualObject:
     firmware
         The object's state machine; faults act on it.
     hand_start_s
-        When the hand's timeline began, s since power-up; None while it waits for the first START.
+        When the hand's timeline started, s since power-up; None while it waits for the first START.
     """
 
     def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
@@ -47,7 +45,7 @@ class VirtualObject:
         self.imu = ImuModel(scenario.imu, scenario.device.card.mounting_q_body_sensor, self.seed)
         self.hand_start_s: float | None = None
         self.endpoints_met = 0
-        """Grows whenever the truth has something new to say about an end point."""
+        """Grows whenever the truth has something new about an end point."""
         self._primary = EndpointWatch(self.motion.primary(), self.clock)
         self._other = EndpointWatch(self.motion.other(), self.clock)
         self.firmware = Firmware(
@@ -60,17 +58,17 @@ class VirtualObject:
             on_samples=self._on_samples,
         )
         if scenario.motion.begins == "at-power-up":
-            self._begin(0.0)
+            self._start_hand(0.0)
         self.firmware.power_up(0.0)
 
     def _on_start(self, now_s: float) -> None:
         if self.hand_start_s is None:
-            self._begin(now_s)
+            self._start_hand(now_s)
 
-    def _begin(self, now_s: float) -> None:
+    def _start_hand(self, now_s: float) -> None:
         self.hand_start_s = now_s
-        self._primary.begin(now_s)
-        self._other.begin(now_s)
+        self._primary.start(now_s)
+        self._other.start(now_s)
 
     def _on_samples(self, block: SampleBlock, boot: int) -> None:
         self.endpoints_met += self._primary.feed(block, boot) + self._other.feed(block, boot)
@@ -80,8 +78,8 @@ class VirtualObject:
 
         Parameters
         ----------
-        times_s
-            (n,) since power-up, s.
+        times_s : (n,)
+            Since power-up, s.
 
         Returns
         -------
@@ -95,7 +93,7 @@ class VirtualObject:
 
     @property
     def end_s(self) -> float:
-        """When the hand's timeline is over, s since power-up; infinite while it has not begun."""
+        """When the hand's timeline is over, s since power-up; infinite while it has not started."""
         return np.inf if self.hand_start_s is None else self.hand_start_s + self.motion.duration_s
 
     @property
@@ -108,7 +106,7 @@ class VirtualObject:
         self.firmware.step(now_s, sink)
 
     def receive(self, command: bytes, now_s: float) -> None:
-        """Take one encoded packet from the host, after :meth:`step` up to now."""
+        """Process one encoded packet from the host, after :meth:`step` up to now."""
         self.firmware.receive(command, now_s)
 
     def truth(self) -> dict[str, Any]:

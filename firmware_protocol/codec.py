@@ -1,12 +1,15 @@
 """One packet to and from its bytes (type byte first; no framing).
 
-What an object sends again and again goes through :mod:`struct`; INFO and the commands go through the schema, whose
-import is put off until then (construct takes 0.1 s to load). Tests hold both ways equal, field by field.
+What an object sends again and again goes through :mod:`struct`, runs of samples through numpy; INFO and the commands
+go through the schema, whose import is put off until then (construct takes 0.1 s to load). Tests hold all three equal,
+field by field.
 """
 
 from __future__ import annotations
 
 import struct
+
+import numpy as np
 
 from firmware_protocol.errors import (
     MalformedPacketError,
@@ -19,6 +22,8 @@ from firmware_protocol.packets import PROTOCOL_MAJOR, Packet, PacketType
 from firmware_protocol.wire_values import FROM_WIRE, TO_WIRE
 
 __all__ = [
+    "FIELDS",
+    "ORIENTATION_DTYPE",
     "STREAMED",
     "MalformedPacketError",
     "PacketValueError",
@@ -40,11 +45,18 @@ STREAMED: dict[PacketType, struct.Struct] = {
     PacketType.EVENT: struct.Struct("<BIBH"),
 }
 """Layouts of the frequent packets, type byte first: the schema's, for speed."""
-
+ORIENTATION_DTYPE = np.dtype(
+    [("type", "u1"), ("sequence", "<u2"), ("device_time_us", "<u4"), ("q", "<i2", (4,)), ("flags", "u1")]
+)
+"""The layout of ORIENTATION once more, for runs of samples."""
+FIELDS = {
+    int(packet_type): struct.Struct("<" + layout.format[2:]).unpack_from for packet_type, layout in STREAMED.items()
+}
+"""By type byte, what unpacks the fields behind it: ``FIELDS[data[0]](data, 1)``."""
 
 # By type byte, because making an enum member of it takes as long as the rest: size, fields of data[1:], meaning.
 _STREAMED_BYTES = {
-    int(packet_type): (layout.size, struct.Struct("<" + layout.format[2:]).unpack_from, FROM_WIRE[packet_type])
+    int(packet_type): (layout.size, FIELDS[packet_type], FROM_WIRE[packet_type])
     for packet_type, layout in STREAMED.items()
 }
 
@@ -59,7 +71,7 @@ def packet_bytes(packet_type: int) -> int:
 
 
 def is_extended(data: bytes) -> bool:
-    """Tell whether a packet that :func:`decode_packet` accepts has fields of a newer minor version at its end."""
+    """Return whether a packet that :func:`decode_packet` accepts has fields of a newer minor version at its end."""
     return len(data) > packet_bytes(data[0])
 
 
@@ -84,12 +96,12 @@ def encode_packet(packet: Packet) -> bytes:
 def decode_packet(data: bytes) -> Packet:
     """Return the packet of its bytes. Bytes behind the last known field belong to a newer minor version: ignored.
 
-    Control characters are taken out of texts, bytes that are not UTF-8 become U+FFFD; quaternions come back unit.
+    Control characters are removed from texts, bytes that are not UTF-8 become U+FFFD; quaternions come back unit.
 
     Raises
     ------
     UnknownPacketTypeError
-        The first byte is no packet type of this version.
+        The first byte is not a packet type of this version.
     UnsupportedVersionError
         INFO of an object with another major version; only its version is read.
     MalformedPacketError

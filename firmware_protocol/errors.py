@@ -1,8 +1,8 @@
 """What can go wrong at the wire.
 
 ProtocolError                   base of everything this package raises on purpose
-├── MalformedPacketError        bytes that cannot be what their type byte says: too short, a value outside its table
-├── UnknownPacketTypeError      a first byte that is no packet type of this version: the object has a newer minor one
+├── MalformedPacketError        bytes that cannot be the packet of their type byte: too short, a value outside its table
+├── UnknownPacketTypeError      a first byte that is not a packet type of this version: the object has a newer minor one
 ├── UnsupportedVersionError     INFO of an object that speaks another major version
 └── PacketValueError            our own caller's mistake: a value that the wire cannot carry
 

@@ -1,20 +1,29 @@
-"""What both kinds of decoder give and count: packets in wire order, and what became of every byte and frame."""
+"""What both kinds of decoder deliver and count: packets in wire order, and what became of every byte and frame."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TypeAlias
 
+from firmware_protocol import codec
+from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
 from firmware_protocol.packets import OrientationBatch, Packet, PacketType
-from firmware_protocol.sequence import SequenceCounters
+
+Tally: TypeAlias = Counter[str]
+"""Where decoders count, by the names of the counters below."""
 
 
 @dataclass(frozen=True)
-class PieceCounters:
-    """What became of pieces: the part of the counters that can be added up from anywhere."""
+class FrameCounters:
+    """What a frame decoder has met since it was made; a snapshot."""
 
+    bytes: int = 0
+    """Bytes received."""
+    pending_bytes: int = 0
+    """Of these, after the last delimiter: the start of a piece yet to end. At most ``MAX_PIECE_BYTES``."""
     delimiters: int = 0
     """0x00 bytes."""
     frames: int = 0
@@ -27,20 +36,10 @@ class PieceCounters:
     """Pieces that are not COBS."""
     crc_errors: int = 0
     """Pieces with a wrong checksum, or too short to have one."""
-
-
-@dataclass(frozen=True)
-class FrameCounters(PieceCounters):
-    """What a :class:`FrameDecoder` has met since it was made."""
-
-    bytes: int = 0
-    """Bytes fed."""
-    pending_bytes: int = 0
-    """Of these, after the last delimiter: the start of a piece yet to end. At most ``MAX_PIECE_BYTES``."""
     oversize: int = 0
     """Pieces of more than ``MAX_PIECE_BYTES``."""
     partial_starts: int = 0
-    """Pieces in front of the first delimiter that are no frame: the link was opened in the middle of one. No error."""
+    """Pieces in front of the first delimiter that are not frames: the link was opened within one. No error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,16 +57,34 @@ StreamItem: TypeAlias = OrientationBatch | Packet | ForeignInfo
 
 
 @dataclass(frozen=True)
-class StreamCounters(FrameCounters, SequenceCounters):
-    """What a :class:`StreamDecoder` has met since it was made; a frozen snapshot."""
+class StreamCounters(FrameCounters):
+    """What a stream decoder has met since it was made; a snapshot."""
 
     packets: Mapping[PacketType, int] = field(default_factory=lambda: MappingProxyType({}))
     """Packets delivered, by type; types not met are absent."""
     malformed: int = 0
-    """Frames whose packet cannot be what its type byte says: too short, a value outside its table, a norm off."""
+    """Frames whose packet cannot be that of its type byte: too short, a value outside its table, a norm off."""
     unknown_types: int = 0
     """Frames of a packet type of a newer minor version."""
     unsupported_versions: int = 0
     """INFO packets of another major version."""
     extended: int = 0
     """Of the packets delivered, those with fields of a newer minor version at their end."""
+
+
+def decode_counted(data: bytes, tally: Tally) -> Packet | ForeignInfo | None:
+    """Return the packet of its bytes; None where there is none. What is unusual about it is counted."""
+    try:
+        packet = codec.decode_packet(data)
+    except MalformedPacketError:
+        tally["malformed"] += 1
+        return None
+    except UnknownPacketTypeError:
+        tally["unknown_types"] += 1
+        return None
+    except UnsupportedVersionError as error:
+        tally["unsupported_versions"] += 1
+        return ForeignInfo(error.protocol_major, error.protocol_minor)
+    if codec.is_extended(data):
+        tally["extended"] += 1
+    return packet

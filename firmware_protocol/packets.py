@@ -61,7 +61,7 @@ class ObjectShape(enum.IntEnum):
 
 
 class OrientationFlag(enum.IntFlag):
-    """What the sensor says of one sample."""
+    """What the sensor reports of one sample."""
 
     STILL = 0x01  # the filter judges the object at rest
     OVERRANGE = 0x02  # the rate of turn is beyond the range in which the filter is accurate
@@ -176,7 +176,7 @@ class Orientation:
     q_wxyz: tuple[float, float, float, float]
     """Unit quaternion, body to world, 4 x int16 scaled by 32767; angle error at most 0.0035 deg."""
     flags: OrientationFlag = OrientationFlag(0)
-    """What the sensor says of the sample, u8."""
+    """What the sensor reports of the sample, u8."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,8 +2,8 @@
 
 *Q15*: four int16, each component times 32767. Used by ORIENTATION.
 
-*Smallest three*: 56 bits. The component of largest magnitude is left out (its index takes 2 bits; its sign is made
-positive, which q ≡ −q allows); the other three lie in ±1/√2 and take 18 bits each. Used where a sample must fit one
+*Smallest three*: 56 bits. The component of largest magnitude is left out (its index has 2 bits; its sign is made
+positive, which q ≡ −q allows); the other three lie in ±1/√2 and have 18 bits each. Used where a sample must fit one
 classic CAN frame.
 
 Decoded quaternions are scaled to unit norm in float64. Scalar and batch functions agree to the last bit.
@@ -178,25 +178,8 @@ def quats_to_smallest_three(quats_wxyz: npt.ArrayLike) -> npt.NDArray[np.uint64]
     return packed
 
 
-def quat_from_smallest_three(code: int) -> Quaternion:
-    """Return the unit quaternion of a 56-bit code; the component left out comes back positive.
-
-    Raises
-    ------
-    MalformedPacketError
-        No quaternion has this code: the three components are too large together.
-    """
-    if not 0 <= code < 1 << (2 + 3 * SMALLEST_THREE_BITS):
-        raise MalformedPacketError("a smallest-three code has 56 bits")
-    quats, valid = quats_from_smallest_three(np.array([code], dtype=np.uint64))
-    if not valid[0]:
-        raise MalformedPacketError("a smallest-three code whose components are too large together")
-    w, x, y, z = quats[0].tolist()
-    return w, x, y, z
-
-
 def quats_from_smallest_three(codes: npt.NDArray[np.uint64]) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Return the unit quaternions of 56-bit codes (n,).
+    """Return the unit quaternions of 56-bit codes (n,); the component left out comes back positive.
 
     Returns
     -------

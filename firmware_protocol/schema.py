@@ -185,7 +185,7 @@ def parse(data: bytes) -> tuple[WireValue, ...]:
     MalformedPacketError
         The packet is too short.
     KeyError
-        The first byte is no :class:`PacketType`.
+        The first byte is not a :class:`PacketType`.
     """
     try:
         container = SCHEMA[PacketType(data[0])].parse(data)

@@ -8,7 +8,8 @@ import numpy as np
 
 from firmware_protocol.can.encoder import CanObject
 from firmware_protocol.can.frames import CanFrame
-from firmware_protocol.can.mapping import NODE_BITS, CanFunction
+from firmware_protocol.can.iso_tp import flow_control
+from firmware_protocol.can.mapping import NODE_BITS, CanFunction, split_id
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import Info, Orientation, OrientationBatch, OrientationFlag
@@ -64,6 +65,17 @@ def timed(end: CanObject, packets: list[bytes], period_ns: int, start_ns: int = 
             for frame, k in zip(frames, numbers, strict=True)
         ]
     return [dataclasses.replace(frame, host_time_ns=start_ns) for frame in frames]
+
+
+def answers(frames: list[CanFrame]) -> list[CanFrame]:
+    """What a host answers at once to frames of an object: flow control for its long packets."""
+    ids = [(frame, split_id(frame.arbitration_id)) for frame in frames]
+    found = [
+        flow_control(frame.data, identity.node, identity.whole_packet)
+        for frame, identity in ids
+        if identity is not None and identity.function is CanFunction.LONG_FROM_OBJECT
+    ]
+    return [answer for answer in found if answer is not None]
 
 
 def is_sample(frame: CanFrame) -> bool:

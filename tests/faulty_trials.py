@@ -1,12 +1,12 @@
 """Trials with faults, in virtual time: a virtual object, its faults, and the host's real session at the other end."""
 
 from emulator.injection import FaultInjector
-from emulator.links.memory_link import MemoryLink
 from emulator.virtual_object import VirtualObject
 from host.links.transport import Chunk
 from host.stream.decoding import Link
 from host.stream.samples import SampleAssembler
 from host.stream.session import Session, SessionSettings
+from tests.memory_link import MemoryLink
 from tests.recorded_trials import MONOTONIC_NS
 
 SETTLE_S = 1.2

@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
-from emulator.links.memory_link import MemoryLink
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.packets import GetInfo, Start
 from host.links.transport import Chunk
 from host.recording.writer import RecordingWriter
+from tests.memory_link import MemoryLink
 
 WALL_NS = 1_760_000_000_000_000_000
 MONOTONIC_NS = 9_000_000_000_000

@@ -3,9 +3,9 @@
 import threading
 
 from host.capture.playback import play
-from host.links.memory import MemoryTransport
 from host.screen.screens import QuietScreen
 from host.trial.live import Trial
+from tests.memory_transport import MemoryTransport
 
 
 class AlarmLog(QuietScreen):

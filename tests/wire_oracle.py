@@ -10,7 +10,6 @@ import dataclasses
 
 from emulator.injection import FaultInjector
 from emulator.links import Link as ObjectLink
-from emulator.links.memory_link import MemoryLink
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.can.decoder import CanStreamDecoder
 from firmware_protocol.can.encoder import CanObject, command_frame
@@ -22,7 +21,9 @@ from firmware_protocol.serial.decoder import encode_command
 from host.links.transport import Chunk, FrameChunk
 from host.stream.decoding import Link
 from host.stream.session import Session, SessionSettings
+from tests.can_traffic import answers
 from tests.faulty_trials import SETTLE_S
+from tests.memory_link import MemoryLink
 from tests.recorded_trials import MONOTONIC_NS
 
 NODE = 3
@@ -116,7 +117,7 @@ def watched_trial(scenario, kind, seed, step_s=0.01):
         return taken
 
     injector._send = spied
-    decoder = None if kind == "serial" else CanStreamDecoder(NODE, answers=True)
+    decoder = None if kind == "serial" else CanStreamDecoder(NODE)
     host, encode = Link(decoder), encode_command if kind == "serial" else encode_packet
     session = Session(SessionSettings(tries=20), link.host_uri, MONOTONIC_NS, encode)
     chunks, step, was_there = [], 0, True
@@ -125,7 +126,7 @@ def watched_trial(scenario, kind, seed, step_s=0.01):
         chunks.append(chunk)
         items = host.feed(chunk)
         if decoder is not None:
-            link.commands += decoder.take_outgoing()
+            link.commands += answers(chunk.frames if isinstance(chunk, FrameChunk) else [])
         return items
 
     while step * step_s < virtual.end_s + SETTLE_S:

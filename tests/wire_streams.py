@@ -1,7 +1,7 @@
 """Serial streams for tests, and a slow decoder of them that shares nothing with the fast ones.
 
-The oracle splits with ``bytes.split``, undoes COBS by its definition, computes the CRC bit by bit, parses with
-construct and follows the sequence with unbounded memory.
+The oracle splits with ``bytes.split``, undoes COBS by its definition, computes the CRC bit by bit, and parses with
+construct. :mod:`tests.sequence_oracle` follows the sequence, for both.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from firmware_protocol.packets import (
 )
 from firmware_protocol.serial.decoder import StreamDecoder
 from firmware_protocol.serial.framing import encode_frame
+from tests.sequence_oracle import counted, followed
 
-LATE_WINDOW = 256
 LONGEST_PIECE = 255
 
 
@@ -98,18 +98,19 @@ def decode_fast(data: bytes, chunks: list[int] | None = None, decoder: StreamDec
     decoder = decoder or StreamDecoder()
     result = Decoded()
     edges = [0, *sorted(chunks or []), len(data)]
-    for start, end in pairwise(edges):
-        for item in decoder.feed(data[start:end]):
-            if isinstance(item, OrientationBatch):
-                assert len(item) > 0
-                columns = (item.sequence, item.device_time_us, item.quats_wxyz, item.flags)
-                assert [str(column.dtype) for column in columns] == ["uint16", "uint32", "float64", "uint8"]
-                result.items += [
-                    ("sample", sequence, time, tuple(q), flags)
-                    for sequence, time, q, flags in zip(*(column.tolist() for column in columns), strict=True)
-                ]
-            else:
-                result.items.append(repr(item))
+    items = [item for start, end in pairwise(edges) for item in decoder.feed(data[start:end])]
+    result.counted.update(counted(items))
+    for item in items:
+        if isinstance(item, OrientationBatch):
+            assert len(item) > 0
+            columns = (item.sequence, item.device_time_us, item.quats_wxyz, item.flags)
+            assert [str(column.dtype) for column in columns] == ["uint16", "uint32", "float64", "uint8"]
+            result.items += [
+                ("sample", sequence, time, tuple(q), flags)
+                for sequence, time, q, flags in zip(*(column.tolist() for column in columns), strict=True)
+            ]
+        else:
+            result.items.append(repr(item))
     for name, value in vars(decoder.counters).items():
         if name == "packets":
             result.counted.update({f"packets {packet_type.name}": n for packet_type, n in value.items()})
@@ -182,7 +183,7 @@ def decode_slowly(data: bytes) -> Decoded:
             if boot_id not in (None, packet[11:15]):
                 sequences.append(None)
             boot_id = packet[11:15]
-    result.counted.update(follow_slowly(sequences))
+    result.counted.update(followed(sequences))
     return result
 
 
@@ -217,40 +218,6 @@ def _interpret(packet: bytes, result: Decoded):
     result.count(f"packets {packet_type.name}")
     result.count("extended", len(packet) > schema.PACKET_BYTES[packet_type])
     return item
-
-
-def follow_slowly(sequences: list[int | None]) -> Counter:
-    """Sequence counters; None stands for a reset of the object."""
-    counted = Counter()
-    newest = None
-    lost: set[int] = set()
-    for sequence in sequences:
-        if sequence is None:
-            newest = None
-            lost.clear()
-            continue
-        if newest is None:
-            newest = sequence
-            continue
-        # The unwrapped number nearest to the newest one.
-        number = min((sequence + 65536 * (newest // 65536 + k) for k in (-1, 0, 1)), key=lambda n: (abs(n - newest), n))
-        if number > newest:
-            skipped = range(newest + 1, number)
-            lost.update(skipped)
-            counted["sequence_gaps"] += bool(skipped)
-            counted["samples_lost"] += len(skipped)
-            newest = number
-        elif number < newest - LATE_WINDOW:
-            counted["sequence_restarts"] += 1
-            lost.clear()
-            newest = number
-        elif number in lost:
-            lost.remove(number)
-            counted["reordered"] += 1
-            counted["samples_lost"] -= 1
-        else:
-            counted["duplicates"] += 1
-    return counted
 
 
 def assert_same(fast: Decoded, slow: Decoded) -> None:

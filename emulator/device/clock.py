@@ -16,8 +16,6 @@ import numpy as np
 from emulator.motion.rotation import FloatArray
 from emulator.settings import check_settings, integer, number
 
-__all__ = ["ClockSettings", "DeviceClock"]
-
 _WANDER_STREAM = 21
 _TERMS = 3
 _ROUNDING_US = 1e-4  # the instant of a tick must not read as one less
@@ -46,9 +44,9 @@ class DeviceClock:
 
     Parameters
     ----------
-    settings
+    settings : ClockSettings
         The clock.
-    seed
+    seed : int
         Seed of the wander's phases.
     """
 
@@ -72,8 +70,8 @@ class DeviceClock:
 
         Parameters
         ----------
-        times_s
-            (n,) true time since power-up, s.
+        times_s : (n,)
+            True time since power-up, s.
 
         Returns
         -------
@@ -91,8 +89,8 @@ class DeviceClock:
 
         Parameters
         ----------
-        uptime_us
-            (n,) us without wrap.
+        uptime_us : (n,)
+            In us, without wrap.
 
         Returns
         -------
@@ -106,7 +104,7 @@ class DeviceClock:
         return times_s
 
     def restart(self, time_s: float) -> None:
-        """Begin again at 0 us: the object was reset."""
+        """Start again at 0 us: the object was reset."""
         self.step(time_s, -self.uptime_us(np.array([time_s]))[0])
 
     def step(self, time_s: float, by_us: float) -> None:
@@ -114,9 +112,9 @@ class DeviceClock:
 
         Parameters
         ----------
-        time_s
+        time_s : float
             True time of the jump, s.
-        by_us
+        by_us : float
             How far, us.
         """
         present = self.uptime_us(np.array([time_s]))[0]

@@ -1,8 +1,8 @@
 """The object's firmware: a state machine of given time, without I/O and without a clock of its own.
 
-``receive(packet, now_s)`` takes one encoded command, ``step(now_s, sink)`` does what is due by then and gives encoded
-packets to the link in the order in which a real object would. Times never decrease. The same seed and the same commands
-at the same times give the same bytes, however the time between is stepped.
+``receive(packet, now_s)`` processes one encoded command, ``step(now_s, sink)`` does what is due by then and hands
+encoded packets to the link in the order in which a real object would. Times never decrease. The same seed and the same
+commands at the same times make the same bytes, however the time between is stepped.
 
 Refusals: ``UNKNOWN_COMMAND`` for a host packet of unknown type, ``INVALID_ARGUMENT`` for one that is malformed or out
 of range, ``WRONG_STATE`` for CALIBRATE while streaming and START, STOP or SET_RATE while calibrating, ``BUSY`` for
@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emulator.device.clock import DeviceClock
+from emulator.device.conversation import Conversation, StatusTimer
 from emulator.device.imu_model import ImuModel, TrueMotion
 from emulator.device.sample_stream import SampleBlock, SampleStream
 from emulator.device.settings import DeviceSettings
@@ -25,10 +26,7 @@ from emulator.device.transmit_queue import Sink, TransmitQueue
 from firmware_protocol import packets as p
 from firmware_protocol.codec import ProtocolError, UnknownPacketTypeError, decode_packet, encode_packet
 
-__all__ = ["Firmware", "FirmwareCounters"]
-
 _BOOT_ID_STREAM = 41
-_RETRY_WINDOW_S = 5.0
 _FIRST_HOST_TYPE = 0x80
 
 
@@ -37,10 +35,15 @@ class FirmwareCounters:
     """What the object did in all its boots together."""
 
     samples_produced: int
+    """On the sampling timer."""
     samples_dropped: int
+    """Of these, because the link was full or nobody there."""
     commands: int
+    """Packets from the host that were answered."""
     refusals: int
+    """Of these, those not done."""
     ignored_packets: int
+    """Packets from the host that were not answered."""
 
 
 class Firmware:
@@ -48,16 +51,16 @@ class Firmware:
 
     Parameters
     ----------
-    settings
+    settings : DeviceSettings
         The object.
-    imu, clock, true_motion
+    imu, clock, true_motion : ImuModel, DeviceClock, callable
         Its sensor, its clock and the world.
-    seed
+    seed : int
         Seed of its boot ids.
-    on_start
-        Told the time of every START that streams, s, before the first sample is made.
-    on_samples
-        Told each run of samples produced, with the number of the boot.
+    on_start : callable
+        Called with the time of every START that streams, s, before the first sample is made.
+    on_samples : callable
+        Called with each run of samples produced and the number of the boot.
     """
 
     def __init__(
@@ -72,20 +75,17 @@ class Firmware:
     ) -> None:
         self.settings = settings
         self.state = p.DeviceState.IDLE
-        self._imu, self._clock, self._true_motion, self._seed = imu, clock, true_motion, seed
+        self.rate_hz = settings.rate_hz
+        """The rate that INFO claims, Hz."""
+        self._imu, self._clock, self._seed = imu, clock, seed
         self._on_start, self._on_samples = on_start, on_samples
         self._stream = SampleStream(imu, clock, true_motion)
         self._queue = TransmitQueue(settings.transmit_queue_bytes)
-        self._rate_hz = settings.rate_hz
+        self._status = StatusTimer(settings.status_interval_s)
+        self._conversation = Conversation()
         self._boot = -1
         self._on_from_s = np.inf  # powered off until then
-        self._next_status_s = np.inf
         self._calibrated_at_s = np.inf
-        self._errors = p.DeviceError(0)
-        self._dropped_at_status = 0
-        self._last_done: tuple[p.Calibrate | p.Mark, p.AckCode, float] | None = None
-        self._finished_produced = self._finished_dropped = 0
-        self._commands = self._refusals = self._ignored = 0
 
     @property
     def boot_ids(self) -> tuple[int, ...]:
@@ -99,11 +99,11 @@ class Firmware:
     def counters(self) -> FirmwareCounters:
         """What the object did so far."""
         return FirmwareCounters(
-            samples_produced=self._finished_produced + self._stream.produced,
-            samples_dropped=self._finished_dropped + self._queue.samples_dropped,
-            commands=self._commands,
-            refusals=self._refusals,
-            ignored_packets=self._ignored,
+            samples_produced=self._stream.produced_before + self._stream.produced,
+            samples_dropped=self._queue.dropped_before + self._queue.samples_dropped,
+            commands=self._conversation.commands,
+            refusals=self._conversation.refusals,
+            ignored_packets=self._conversation.ignored,
         )
 
     # --- power ---------------------------------------------------------------------------------------------------
@@ -112,11 +112,10 @@ class Firmware:
         """Power up: INFO, then STATUS for ever; streams at once if it is that kind of object."""
         self._boot += 1
         self._on_from_s = now_s
-        self._rate_hz = self.settings.rate_hz
-        self._stream.boot(self._boot, self._rate_hz, now_s)
+        self.rate_hz = self.settings.rate_hz
+        self._stream.boot(self._boot, self.rate_hz, now_s)
         self.state = p.DeviceState.IDLE
-        self._errors = p.DeviceError(0)
-        self._next_status_s = now_s + self.settings.status_interval_s
+        self._status.power_up(now_s)
         self._calibrated_at_s = np.inf
         self._put(self._info())
         if self.settings.streams_from_power_up:
@@ -127,14 +126,12 @@ class Firmware:
 
         What was queued is lost; boot id, clock and sequence are new.
         """
-        self._finished_produced += self._stream.produced
-        self._finished_dropped += self._queue.samples_dropped
         self._queue.reset()
-        self._stream.boot(self._boot, self._rate_hz, now_s)
-        self._dropped_at_status = 0
-        self._last_done = None
+        self._stream.boot(self._boot, self.rate_hz, now_s)
+        self._status.power_off()
+        self._conversation.forget()
         self._on_from_s = now_s + off_s
-        self._next_status_s = self._calibrated_at_s = np.inf
+        self._calibrated_at_s = np.inf
 
     def become_another(self, now_s: float, off_s: float) -> None:
         """Be replaced by another object of the same make, powered up after ``off_s``."""
@@ -142,7 +139,7 @@ class Firmware:
         self.reset(now_s, off_s)
 
     def speak_version(self, major: int, now_s: float, off_s: float) -> None:
-        """Be reset, and come back after ``off_s`` with a firmware that says it speaks another major version."""
+        """Be reset, and come back after ``off_s`` with a firmware that claims another major version."""
         self.settings = replace(self.settings, protocol_major=major)
         self.reset(now_s, off_s)
 
@@ -156,19 +153,14 @@ class Firmware:
         """Sample at another rate than INFO claims: a fault."""
         self._stream.set_rate(rate_hz, now_s)
 
-    @property
-    def rate_hz(self) -> int:
-        """The rate that INFO claims, Hz."""
-        return self._rate_hz
-
     # --- time ----------------------------------------------------------------------------------------------------
 
     @property
     def next_due_s(self) -> float:
         """When :meth:`step` has something to do next, if no command comes, s."""
-        if self._next_status_s == np.inf and self._on_from_s < np.inf:
+        if not self._status.is_on and self._on_from_s < np.inf:
             return self._on_from_s  # reset, waiting for power
-        return min(self._stream.next_due_s, self._next_status_s, self._calibrated_at_s)
+        return min(self._stream.next_due_s, self._status.next_s, self._calibrated_at_s)
 
     @property
     def backlog(self) -> int:
@@ -182,21 +174,21 @@ class Firmware:
     def step(self, now_s: float, sink: Sink) -> None:
         """Do all that is due by now, in order of time, and hand packets to the link."""
         while True:
-            if self._next_status_s == np.inf:
+            if not self._status.is_on:
                 if now_s < self._on_from_s:
                     return
                 self._clock.restart(self._on_from_s)
                 self.power_up(self._on_from_s)
-            event_s = min(self._next_status_s, self._calibrated_at_s)
+            event_s = min(self._status.next_s, self._calibrated_at_s)
             block = self._stream.take(min(now_s, event_s))
             if block is not None:
                 self._on_samples(block, self._boot)
                 self._queue.put_samples(block.samples, min(now_s, event_s), sink)
             elif event_s <= now_s:
-                if self._calibrated_at_s <= self._next_status_s:
+                if self._calibrated_at_s <= self._status.next_s:
                     self._end_calibration(event_s)
                 self._queue.drain(event_s, sink)
-                self._status(event_s)
+                self._report(event_s)
             else:
                 break
         self._queue.drain(now_s, sink)
@@ -204,30 +196,25 @@ class Firmware:
     def _put(self, packet: p.DevicePacket) -> bool:
         return self._queue.put(encode_packet(packet))
 
-    def _status(self, now_s: float) -> None:
-        """Queue a STATUS; with a full queue it is left out, and what it had to say waits for the next."""
-        self._next_status_s = now_s + self.settings.status_interval_s
+    def _report(self, now_s: float) -> None:
+        """Queue a STATUS; with a full queue it is left out, and what it had to report waits for the next."""
+        self._status.wait(now_s)
         if self._queue.is_full:
             return
-        dropped = self._queue.samples_dropped
-        errors = self._errors
-        if dropped != self._dropped_at_status:
-            errors |= p.DeviceError.TRANSMIT_OVERFLOW
-        if 0 < self.settings.battery_at(now_s) < 3300:
-            errors |= p.DeviceError.LOW_BATTERY
+        dropped, battery_mv = self._queue.samples_dropped, self.settings.battery_at(now_s)
         bias = self._imu.settings.gyro_bias_dps if self._stream.calibrated else (0.0, 0.0, 0.0)
         status = p.Status(
             uptime_us=self._clock.read_us(now_s),
             state=self.state,
             samples_produced=self._stream.produced,
             samples_dropped=dropped,
-            battery_mv=self.settings.battery_at(now_s),
+            battery_mv=battery_mv,
             temperature_c=self._imu.settings.temperature_c,
             gyro_bias_dps=bias,
-            errors=errors,
+            errors=self._status.errors_with(dropped, battery_mv),
         )
         if self._put(status):
-            self._dropped_at_status, self._errors = dropped, p.DeviceError(0)
+            self._status.reported(dropped)
 
     def _info(self) -> p.Info:
         major, minor, patch = (int(part) for part in self.settings.firmware_version)
@@ -235,7 +222,7 @@ class Firmware:
             device_id=self.settings.device_id,
             boot_id=self._boot_id(self._boot),
             firmware_version=(major, minor, patch),
-            rate_hz=self._rate_hz,
+            rate_hz=self.rate_hz,
             name=self.settings.name,
             sensor=self._imu.settings.sensor,
             filter=self._imu.settings.filter,
@@ -246,19 +233,19 @@ class Firmware:
     # --- commands ------------------------------------------------------------------------------------------------
 
     def receive(self, data: bytes, now_s: float) -> None:
-        """Take one packet from the host, after :meth:`step` up to now.
+        """Process one packet from the host, after :meth:`step` up to now.
 
         Parameters
         ----------
-        data
+        data : bytes
             Type byte and fields, without framing; anything is accepted.
-        now_s
+        now_s : float
             Time, s.
         """
-        if not self.settings.answers or self._next_status_s == np.inf or len(data) < 2 or data[0] < _FIRST_HOST_TYPE:
-            self._ignored += 1
+        if not self.settings.answers or not self._status.is_on or len(data) < 2 or data[0] < _FIRST_HOST_TYPE:
+            self._conversation.ignored += 1
             return
-        self._commands += 1
+        self._conversation.commands += 1
         try:
             command = decode_packet(data)
         except UnknownPacketTypeError:
@@ -278,7 +265,7 @@ class Firmware:
             self._ack(data[0], command.command_id, self._do(command, now_s))
 
     def _ack(self, command_type: int, command_id: int, code: p.AckCode) -> None:
-        self._refusals += code is not p.AckCode.OK
+        self._conversation.refusals += code is not p.AckCode.OK
         self._put(p.Ack(command_type, command_id, code))
 
     def _reply_with_time(self, command_id: int, receive_uptime_us: int) -> None:
@@ -296,8 +283,8 @@ class Firmware:
         if isinstance(command, p.SetRate):
             if not p.MIN_RATE_HZ <= command.rate_hz <= p.MAX_RATE_HZ:
                 return p.AckCode.INVALID_ARGUMENT
-            if command.rate_hz != self._rate_hz:
-                self._rate_hz = command.rate_hz
+            if command.rate_hz != self.rate_hz:
+                self.rate_hz = command.rate_hz
                 self._stream.set_rate(command.rate_hz, now_s)
         elif isinstance(command, p.Start):
             self._start(now_s, command.with_raw_imu)
@@ -313,13 +300,12 @@ class Firmware:
 
     def _do_once(self, command: p.Calibrate | p.Mark, now_s: float) -> None:
         """Do a command that must not be done twice, or repeat the answer to its retry."""
-        if self._last_done is not None:
-            done, code, done_s = self._last_done
-            if done == command and now_s - done_s < _RETRY_WINDOW_S:
-                self._ack(command.packet_type, command.command_id, code)
-                return
+        answered = self._conversation.answer_to_retry(command, now_s)
+        if answered is not None:
+            self._ack(command.packet_type, command.command_id, answered)
+            return
         code = self._calibrate(now_s) if isinstance(command, p.Calibrate) else p.AckCode.OK
-        self._last_done = (command, code, now_s)
+        self._conversation.remember(command, code, now_s)
         self._ack(command.packet_type, command.command_id, code)
         if isinstance(command, p.Mark):
             device_time_us = self._clock.read_us(now_s) % p.DEVICE_CLOCK_MODULUS_US
@@ -330,7 +316,7 @@ class Firmware:
             return p.AckCode.WRONG_STATE
         if self.state is p.DeviceState.CALIBRATING:
             return p.AckCode.BUSY
-        if not self._imu.is_still(now_s, self._true_motion):
+        if not self._stream.is_still(now_s):
             return p.AckCode.NOT_STILL
         self.state = p.DeviceState.CALIBRATING
         self._calibrated_at_s = now_s + self.settings.calibration_s
@@ -339,7 +325,7 @@ class Firmware:
     def _end_calibration(self, now_s: float) -> None:
         self._calibrated_at_s = np.inf
         self.state = p.DeviceState.IDLE
-        if self._imu.is_still(now_s, self._true_motion):
+        if self._stream.is_still(now_s):
             self._stream.calibrated = True
         else:
-            self._errors |= p.DeviceError.CALIBRATION
+            self._status.errors |= p.DeviceError.CALIBRATION

@@ -23,8 +23,6 @@ from emulator.motion.rotation import FloatArray, conjugate, from_rotation_vector
 from emulator.settings import check_settings, number, text, vector
 from firmware_protocol.packets import OrientationFlag
 
-__all__ = ["ImuModel", "ImuSettings", "Readings"]
-
 GYRO_FULL_SCALE_DPS = 2000.0
 ACCELERATION_FULL_SCALE_G = 16.0
 
@@ -43,9 +41,9 @@ class ImuSettings:
     """Scenario table ``[imu]``: the sensor's faults. All zero is a perfect sensor."""
 
     sensor: str = text("virtual 6-axis", 24)
-    """Part, as told in INFO."""
+    """Part, as INFO names it."""
     filter: str = text("6-axis complementary", 24)
-    """Orientation filter, as told in INFO."""
+    """Orientation filter, as INFO names it."""
     noise_deg: float = number(0.02, 0.0, 10.0)
     """White orientation noise, standard deviation about each body axis, degrees."""
     correlated_noise_deg: float = number(0.03, 0.0, 10.0)
@@ -75,7 +73,7 @@ class ImuSettings:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What the sensor gives for a run of n samples."""
+    """What the sensor measures for a run of n samples."""
 
     quats_wxyz: FloatArray
     """(n, 4) measured orientation, unit, body to world."""
@@ -92,11 +90,11 @@ class ImuModel:
 
     Parameters
     ----------
-    settings
+    settings : ImuSettings
         Its faults.
-    mounting_q_body_sensor
+    mounting_q_body_sensor : tuple of float
         (4,) sensor to body.
-    seed
+    seed : int
         Seed of its noise.
     """
 
@@ -138,17 +136,17 @@ class ImuModel:
         return np.concatenate(drawn)[start : start + n]
 
     def read(self, times_s: FloatArray, true_motion: TrueMotion, first: int, boot: int) -> Readings:
-        """Return what the sensor gives at the times.
+        """Return what the sensor measures at the times.
 
         Parameters
         ----------
-        times_s
-            (n,) true time since power-up, s, n >= 1.
-        true_motion
+        times_s : (n,)
+            True time since power-up, s, n >= 1.
+        true_motion : callable
             The object's motion in that time.
-        first
+        first : int
             Number of the first sample since boot.
-        boot
+        boot : int
             Number of the boot, from 0.
 
         Returns
@@ -182,7 +180,7 @@ class ImuModel:
         )
 
     def _still(self, times_s: FloatArray, speed_dps: FloatArray, true_motion: TrueMotion) -> npt.NDArray[np.bool_]:
-        """Whether the rate of turn was below the threshold now and at points over the time before."""
+        """Return whether the rate of turn was below the threshold now and at points over the time before."""
         still = speed_dps < self.settings.still_below_dps
         for k in range(1, _STILL_POINTS):
             if not still.any():
@@ -193,7 +191,7 @@ class ImuModel:
         return still
 
     def is_still(self, time_s: float, true_motion: TrueMotion) -> bool:
-        """Whether the object is at rest at a time, by the same rule as the flag; CALIBRATE asks."""
+        """Return whether the object is at rest at a time, by the same rule as the flag; CALIBRATE asks."""
         times_s = np.array([time_s])
         _, rates_rad_s = true_motion(times_s)
         return bool(self._still(times_s, np.degrees(np.linalg.norm(rates_rad_s, axis=1)), true_motion)[0])

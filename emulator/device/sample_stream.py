@@ -1,7 +1,7 @@
 """The object's samples: a timer that ticks by the object's own clock, and packed ORIENTATION and RAW_IMU packets.
 
 Sample instants are whole ticks of the device clock; they do not depend on how the run is stepped. Samples are made
-ahead in blocks, vectorised, and handed out when their time has come.
+ahead in blocks, vectorised, and delivered when their time has come.
 """
 
 from __future__ import annotations
@@ -14,17 +14,13 @@ import numpy.typing as npt
 from emulator.device.clock import DeviceClock
 from emulator.device.imu_model import ImuModel, Readings, TrueMotion
 from emulator.motion.rotation import FloatArray
+from firmware_protocol.codec import ORIENTATION_DTYPE
 from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US, SEQUENCE_MODULUS, OrientationFlag, PacketType
 from firmware_protocol.quantization import quats_to_q15
 from firmware_protocol.wire_values import ACCELERATION_LSB_G, GYRO_LSB_DPS
 
-__all__ = ["SampleBlock", "SampleStream", "pack_orientations", "pack_raw_imu"]
-
 _BLOCK = 256
 
-_ORIENTATION_DTYPE = np.dtype(
-    [("type", "u1"), ("sequence", "<u2"), ("device_time_us", "<u4"), ("q", "<i2", (4,)), ("flags", "u1")]
-)
 _RAW_IMU_DTYPE = np.dtype(
     [
         ("type", "u1"),
@@ -41,18 +37,18 @@ IntArray = npt.NDArray[np.int64]
 def pack_orientations(
     sequence: IntArray, uptime_us: IntArray, quats_wxyz: FloatArray, flags: npt.NDArray[np.uint8]
 ) -> list[bytes]:
-    """Encode n ORIENTATION packets at once; the same bytes as ``encode_packet`` gives one by one.
+    """Encode n ORIENTATION packets at once; the same bytes as ``encode_packet`` returns one by one.
 
     Parameters
     ----------
-    sequence, uptime_us
-        (n,) without wrap.
-    quats_wxyz
-        (n, 4) unit.
-    flags
-        (n,).
+    sequence, uptime_us : (n,)
+        Counted and in us, without wrap.
+    quats_wxyz : (n, 4)
+        Unit.
+    flags : (n,)
+        Bits of OrientationFlag.
     """
-    packed = np.empty(len(sequence), _ORIENTATION_DTYPE)
+    packed = np.empty(len(sequence), ORIENTATION_DTYPE)
     packed["type"] = PacketType.ORIENTATION
     packed["sequence"] = sequence % SEQUENCE_MODULUS
     packed["device_time_us"] = uptime_us % DEVICE_CLOCK_MODULUS_US
@@ -62,7 +58,7 @@ def pack_orientations(
 
 
 def pack_raw_imu(sequence: IntArray, uptime_us: IntArray, readings: Readings) -> list[bytes]:
-    """Encode n RAW_IMU packets at once; the same bytes as ``encode_packet`` gives one by one."""
+    """Encode n RAW_IMU packets at once; the same bytes as ``encode_packet`` returns one by one."""
     packed = np.empty(len(sequence), _RAW_IMU_DTYPE)
     packed["type"] = PacketType.RAW_IMU
     packed["sequence"] = sequence % SEQUENCE_MODULUS
@@ -90,11 +86,11 @@ class SampleBlock:
 
 
 class SampleStream:
-    """Sampling timer and packer; streams when told, else only its clock runs.
+    """Sampling timer and packer; between START and STOP it streams, else only its clock runs.
 
     Parameters
     ----------
-    imu, clock, true_motion
+    imu, clock, true_motion : ImuModel, DeviceClock, callable
         What is sampled, when, and of what.
     """
 
@@ -102,6 +98,8 @@ class SampleStream:
         self._imu, self._clock, self._true_motion = imu, clock, true_motion
         self.produced = 0
         """Samples produced since boot."""
+        self.produced_before = 0
+        """Samples produced in all boots before."""
         self.streaming = False
         self.with_raw_imu = False
         self.calibrated = False
@@ -110,11 +108,12 @@ class SampleStream:
         self._origin_us = 0  # uptime of tick 0
         self._tick = 0  # next tick
         self._block: SampleBlock | None = None
-        self._used = 0  # samples of the block already handed out
+        self._used = 0  # samples of the block already delivered
         self._next_block: SampleBlock | None = None
 
     def boot(self, boot: int, rate_hz: int, now_s: float) -> None:
         """Power up: everything as new but the clock, which the caller restarts."""
+        self.produced_before += self.produced
         self._boot, self.produced, self.calibrated = boot, 0, False
         self.stop()
         self.set_rate(rate_hz, now_s)
@@ -139,6 +138,10 @@ class SampleStream:
         """Stop streaming; the timer runs on."""
         self.streaming = False
         self.invalidate()
+
+    def is_still(self, now_s: float) -> bool:
+        """Return whether the sensor finds the object at rest; CALIBRATE asks."""
+        return self._imu.is_still(now_s, self._true_motion)
 
     def shift(self, by_us: int) -> None:
         """Follow a jump of the clock: the timer's instants stay where they are."""
@@ -184,7 +187,7 @@ class SampleStream:
         return float(self._ahead().times_s[self._used]) if self.streaming else np.inf
 
     def take(self, now_s: float) -> SampleBlock | None:
-        """Hand out the samples due by now, at most a block; None when there is none."""
+        """Return the samples due by now, at most a block; None when there is none."""
         if not self.streaming:
             return None
         block, start = self._ahead(), self._used

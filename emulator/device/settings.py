@@ -9,8 +9,6 @@ from emulator import ScenarioError
 from emulator.settings import check_settings, choice, integer, number, switch, table, tables, text, vector
 from firmware_protocol.packets import MAX_RATE_HZ, MIN_RATE_HZ, PROTOCOL_MAJOR, InternalWeight, ObjectCard, ObjectShape
 
-__all__ = ["CardSettings", "DeviceSettings", "WeightSettings"]
-
 _MAX_WEIGHTS = 8
 
 
@@ -83,7 +81,7 @@ class DeviceSettings:
     streams_from_power_up: bool = switch(False)
     """True: streams without being asked."""
     transmit_queue_bytes: int = integer(4096, 256, 1_000_000)
-    """Room for packets that the link has not taken yet; beyond it whole samples are dropped and counted."""
+    """Room for packets that the link has not accepted yet; beyond it whole samples are dropped and counted."""
     status_interval_s: float = number(0.5, 0.05, 1.0)
     """Time between STATUS packets, s."""
     calibration_s: float = number(2.0, 0.0, 60.0)

@@ -6,13 +6,11 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-__all__ = ["Sink", "TransmitQueue"]
-
 Sink: TypeAlias = Callable[[Sequence[bytes]], int | None]
-"""Offered encoded packets in order, says how many it took: 0 when it is full, None when nobody is at the other end."""
+"""Is offered encoded packets in order; returns how many it accepted: 0 when full, None with nobody at the other end."""
 
 LatePacket: TypeAlias = Callable[[float], bytes]
-"""Encoded only when the link takes it, with the time of that moment."""
+"""Encoded only when the link accepts it, with the time of that moment."""
 
 _OFFERED_AT_ONCE = 256
 _REPLY_RESERVE_BYTES = 1024
@@ -24,7 +22,7 @@ class TransmitQueue:
 
     Parameters
     ----------
-    capacity_bytes
+    capacity_bytes : int
         Room for samples. Replies have a small reserve beyond it.
     """
 
@@ -32,6 +30,8 @@ class TransmitQueue:
         self.capacity_bytes = capacity_bytes
         self.samples_dropped = 0
         """Samples dropped since boot: no room, or nobody there."""
+        self.dropped_before = 0
+        """Samples dropped in all boots before."""
         self._items: deque[tuple[bytes | LatePacket, int, bool]] = deque()  # packet, its size, is the head of a sample
         self._bytes = 0
 
@@ -44,7 +44,7 @@ class TransmitQueue:
         return self._bytes >= self.capacity_bytes
 
     def put(self, packet: bytes | LatePacket) -> bool:
-        """Queue a packet that is no sample; False if even the reserve is used up."""
+        """Queue a packet other than a sample; False if even the reserve is used up."""
         size = len(packet) if isinstance(packet, bytes) else _LATE_BYTES
         if self._bytes + size > self.capacity_bytes + _REPLY_RESERVE_BYTES:
             return False
@@ -57,11 +57,11 @@ class TransmitQueue:
 
         Parameters
         ----------
-        samples
+        samples : sequence of tuple
             In order.
-        now_s
+        now_s : float
             Time, s.
-        sink
+        sink : callable
             The link.
         """
         stuck = False
@@ -78,21 +78,21 @@ class TransmitQueue:
             self._bytes += size
 
     def drain(self, now_s: float, sink: Sink) -> None:
-        """Give the link what it takes; with nobody at the other end everything is dropped and samples counted."""
+        """Hand the link what it accepts; with nobody at the other end everything is dropped and samples counted."""
         while self._items:
             offered = [
                 item if isinstance(item, bytes) else item(now_s)
                 for item, _, _ in (self._items[k] for k in range(min(len(self._items), _OFFERED_AT_ONCE)))
             ]
-            taken = sink(offered)
-            if taken is None:
+            accepted = sink(offered)
+            if accepted is None:
                 self.samples_dropped += sum(is_sample for _, _, is_sample in self._items)
                 self.forget_items()
                 return
-            for _ in range(taken):
+            for _ in range(accepted):
                 _, size, _ = self._items.popleft()
                 self._bytes -= size
-            if taken == 0:
+            if accepted == 0:
                 return
 
     def forget_items(self) -> None:
@@ -101,6 +101,7 @@ class TransmitQueue:
         self._bytes = 0
 
     def reset(self) -> None:
-        """Empty the queue and the count: the object was reset."""
+        """Empty the queue and start to count again: the object was reset."""
         self.forget_items()
+        self.dropped_before += self.samples_dropped
         self.samples_dropped = 0

@@ -1,9 +1,9 @@
 """What can go wrong on purpose: scenario table ``[faults]``, and the log that the truth keeps of every fault.
 
 Two sorts. *Rates* act on each frame by chance, seeded, while the hand's timeline is between ``rates_from_s`` and
-``rates_until_s``, or as a live command ``rates`` says. *Timed* faults (``[[faults.at]]``) happen once, at a time of the
-hand's timeline. Replies (INFO, STATUS, ACK, ...) are spared by the faults on whole frames, so that a handshake does not
-fail by chance; damage to bytes spares nothing.
+``rates_until_s``, or as the live command ``rates`` sets them. *Timed* faults (``[[faults.at]]``) happen once, at a time
+of the hand's timeline. Replies (INFO, STATUS, ACK, ...) are spared by the faults on whole frames, so that a handshake
+does not fail by chance; damage to bytes spares nothing.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from typing import Any, TypeAlias
 
 from emulator import ScenarioError
 from emulator.settings import check_settings, choice, integer, number, tables
-
-__all__ = ["FaultLog", "FaultSettings", "LiveFault", "RateChange", "TimedFault", "parse_fault_command"]
 
 KINDS = (
     "stall",
@@ -38,10 +36,10 @@ class TimedFault:
     """Scenario table ``[[faults.at]]``: one fault at one time."""
 
     kind: str = choice("stall", *KINDS)
-    """stall: the link takes nothing. unplug: the link vanishes and comes back. reset: the object loses power and comes
+    """stall: the link accepts nothing. unplug: the link vanishes and comes back. reset: the object loses power and is
     back with a new boot id, clock and sequence. swap: unplugged, and another object comes back. second-object: another
     object sends and answers on the same line. wrong-version: reset, and back with a firmware that speaks another major
-    version. clock-step: the clock jumps. flood: samples at a multiple of the rate. garbage: bytes that are no frame."""
+    version. clock-step: the clock jumps. flood: samples at a multiple of the rate. garbage: bytes outside frames."""
     at_s: float = number(10.0, 0.0, _FOREVER_S)
     """When, s since the hand's timeline began."""
     for_s: float = number(1.0, 0.0, 86_400.0)
@@ -182,13 +180,13 @@ class FaultLog:
 
         Parameters
         ----------
-        kind
+        kind : str
             What happened.
-        time_s
+        time_s : float
             When, s since power-up.
-        count
+        count : int
             Of how many bits, bytes or frames; 1 where there is only one thing it can happen to.
-        details
+        **details : object
             Anything else, ready for JSON.
         """
         self.counts[kind] += 1

@@ -16,8 +16,6 @@ from emulator.faults.definitions import FaultLog, FaultSettings
 from firmware_protocol.codec import STREAMED
 from firmware_protocol.packets import PacketType
 
-__all__ = ["ByteFaults", "PacketFaults", "byte_faults_in"]
-
 _PACKET_STREAM, _BYTE_STREAM = 51, 52
 _SAMPLE_TYPES = (PacketType.ORIENTATION, PacketType.RAW_IMU)
 _LAYOUT = STREAMED[PacketType.ORIENTATION]
@@ -43,7 +41,7 @@ class PacketFaults:
 
     Parameters
     ----------
-    settings, seed, log
+    settings, seed, log : FaultSettings, int, FaultLog
         What happens, its seed, and where it is noted.
     """
 
@@ -69,11 +67,11 @@ class PacketFaults:
 
         Parameters
         ----------
-        packets
+        packets : iterable of bytes
             Encoded.
-        now_s
+        now_s : float
             For the log, s.
-        active
+        active : bool
             False lets everything pass.
         """
         if not self.any:
@@ -138,7 +136,7 @@ class ByteFaults:
 
     Parameters
     ----------
-    settings, seed, log
+    settings, seed, log : FaultSettings, int, FaultLog
         What happens, its seed, and where it is noted.
     """
 

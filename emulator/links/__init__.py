@@ -2,12 +2,12 @@
 
 The boundary is *packets*, not framed bytes: the firmware hands over encoded packets (type byte and fields, no framing),
 and the link does the framing of its own wire: COBS and CRC on a serial line, frames with arbitration ids on CAN. What
-comes back from ``receive`` are encoded command packets, framing taken off.
+comes back from ``receive`` are encoded command packets without framing.
 
 A link never blocks but in ``wait``, and never raises on what the other end does: a reader that goes away, comes back or
-does not read is ordinary. ``send`` takes as many whole packets as it has room for and says how many; the firmware keeps
-the rest and drops when its queue is full. ``None`` says that nobody is at the other end: the object then drops at once,
-as a USB device does whose port is not open.
+does not read is ordinary. ``send`` accepts as many whole packets as it has room for and returns how many; the firmware
+keeps the rest and drops when its queue is full. ``None`` means that nobody is at the other end: the object then drops
+at once, as a USB device does whose port is not open.
 
 To add a kind: a module here with ``from_address(rest) -> Link``, where ``rest`` is what follows ``kind:``, and a row in
 ``_MODULES``; the module is imported only when its kind is asked for. Serial-like links derive from
@@ -52,7 +52,7 @@ class Link(ABC):
         Raises
         ------
         LinkError
-            It cannot be opened; says why and what to do.
+            It cannot be opened; the message has the reason and a remedy.
         """
 
     @abstractmethod
@@ -61,17 +61,17 @@ class Link(ABC):
 
     @abstractmethod
     def send(self, packets: Sequence[bytes]) -> int | None:
-        """Take encoded packets without blocking.
+        """Accept encoded packets without blocking.
 
         Parameters
         ----------
-        packets
+        packets : sequence of bytes
             In order, each type byte and fields. None at all asks whether anybody is there.
 
         Returns
         -------
         int or None
-            How many were taken, from the front; None when nobody is at the other end.
+            How many were accepted, from the front; None when nobody is at the other end.
         """
 
     @abstractmethod
@@ -108,8 +108,8 @@ def open_link(address: str) -> Link:
 
     Parameters
     ----------
-    address
-        ``pty:`` or ``pty:PATH`` (a symbolic link to make), ``tcp:PORT`` (loopback; 0 takes a free one),
+    address : str
+        ``pty:`` or ``pty:PATH`` (a symbolic link to make), ``tcp:PORT`` (loopback; 0 is any free one),
         ``file:PATH`` (a new byte file, in virtual time), ``can:...``.
 
     Raises
@@ -119,7 +119,7 @@ def open_link(address: str) -> Link:
     """
     kind, colon, rest = address.partition(":")
     if not colon or kind not in _MODULES:
-        raise LinkError(f"no link {address!r}: give pty:, pty:PATH, tcp:PORT, file:PATH or can:INTERFACE:CHANNEL")
+        raise LinkError(f"no link {address!r}: write pty:, pty:PATH, tcp:PORT, file:PATH or can:INTERFACE:CHANNEL")
     try:
         module = importlib.import_module(_MODULES[kind])
     except ModuleNotFoundError as error:

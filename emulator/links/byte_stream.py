@@ -9,19 +9,17 @@ from typing import TypeAlias
 from emulator.links import Link
 from firmware_protocol.serial.framing import FrameDecoder, encode_frame
 
-__all__ = ["ByteLink", "Tamper"]
-
 Tamper: TypeAlias = Callable[[bytes, bytes], bytes]
 """A packet and its frame as it should be on the wire in, the bytes that really go out."""
 
-_TAKEN_AT_ONCE_BYTES = 4096
+_ACCEPTED_AT_ONCE_BYTES = 4096
 
 
 class ByteLink(Link):
-    """A link that moves bytes; a subclass says how.
+    """A link that moves bytes; a subclass knows how.
 
-    A write that the wire takes only in part leaves its rest here, at most ``_TAKEN_AT_ONCE_BYTES`` and a frame, and no
-    further packet is taken until it is gone: frames never mix.
+    A write that the wire accepts only in part leaves its rest here, at most ``_ACCEPTED_AT_ONCE_BYTES`` and a frame,
+    and no further packet is accepted until it is gone: frames never mix.
     """
 
     carries_damage = True
@@ -34,11 +32,11 @@ class ByteLink(Link):
 
     @abstractmethod
     def _connected(self) -> bool:
-        """Whether somebody is at the other end."""
+        """Return whether somebody is at the other end."""
 
     @abstractmethod
     def _write(self, data: bytes) -> int:
-        """Write what the wire takes now and return how many bytes; never blocks, never raises OSError."""
+        """Write what the wire accepts now and return how many bytes; never blocks, never raises OSError."""
 
     @abstractmethod
     def _read(self) -> bytes:
@@ -62,14 +60,14 @@ class ByteLink(Link):
             frame = encode_frame(packet)
             frames.append(frame if self.tamper is None else self.tamper(packet, frame))
             size += len(frames[-1])
-            if size >= _TAKEN_AT_ONCE_BYTES:
+            if size >= _ACCEPTED_AT_ONCE_BYTES:
                 break
         self._rest = b"".join(frames)
         self._flush()
         return len(frames)
 
     def inject(self, data: bytes) -> None:
-        """Put bytes on the wire that are no frame, behind what is on its way."""
+        """Put bytes on the wire that are not a frame, behind what is on its way."""
         if self._connected():
             self._rest += data
             self._flush()
@@ -81,6 +79,6 @@ class ByteLink(Link):
         return not self._rest
 
     def receive(self) -> list[bytes]:
-        """Read and take the framing off; see :meth:`Link.receive`."""
+        """Read and remove the framing; see :meth:`Link.receive`."""
         data = self._read()
         return self._decoder.feed(data) if data else []

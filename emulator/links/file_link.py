@@ -15,8 +15,6 @@ from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Start
 from firmware_protocol.serial.framing import encode_frame
 
-__all__ = ["FileLink", "from_address"]
-
 
 def from_address(rest: str) -> FileLink:
     """Return the link of ``file:PATH``.
@@ -24,7 +22,7 @@ def from_address(rest: str) -> FileLink:
     Raises
     ------
     LinkError
-        No path is given.
+        There is no path.
     """
     if not rest:
         raise LinkError("file: needs a path: file:out.bin")
@@ -36,9 +34,9 @@ class FileLink(ByteLink):
 
     Parameters
     ----------
-    path
+    path : Path
         Must not exist.
-    with_raw_imu
+    with_raw_imu : bool
         Also ask for RAW_IMU.
     """
 

@@ -1,7 +1,7 @@
 """A pseudo-terminal: the virtual object appears as a serial device that pyserial opens like any other.
 
 While nobody has the device open, nothing is written, as a USB serial device does; so a reader never gets stale samples.
-A reader that has it open but does not read fills the kernel's buffer, after which writing takes nothing.
+A reader that has it open but does not read fills the kernel's buffer, after which nothing more can be written.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ if sys.platform != "win32":
     import termios
     import tty
 
-__all__ = ["PtyLink", "from_address"]
-
 _IDLE_POLL_S = 0.01
 _READ_BYTES = 65_536
 
@@ -37,7 +35,7 @@ class PtyLink(ByteLink):
 
     Parameters
     ----------
-    symlink
+    symlink : Path, optional
         Where to put a symbolic link to the device; removed at the end. An old symbolic link to a device is replaced, a
         file is not.
     """
@@ -62,10 +60,10 @@ class PtyLink(ByteLink):
         try:
             self._master, slave = os.openpty()
         except OSError as error:
-            raise LinkError(f"no pseudo-terminal to be had: {error.strerror}") from error
+            raise LinkError(f"no pseudo-terminal is available: {error.strerror}") from error
         tty.setraw(slave)
         self._device = os.ttyname(slave)
-        os.close(slave)  # so that the master can tell whether anybody else has it open
+        os.close(slave)  # so that the master sees whether anybody else has it open
         os.set_blocking(self._master, False)
         self._had_reader = False
         try:
@@ -79,9 +77,9 @@ class PtyLink(ByteLink):
         if path is None or not os.path.lexists(path):
             return
         if not path.is_symlink():
-            raise LinkError(f"{path} exists and is no symbolic link: choose another path")
+            raise LinkError(f"{path} exists and is not a symbolic link: choose another path")
         if path.exists() and not stat.S_ISCHR(path.stat().st_mode):
-            raise LinkError(f"{path} is a symbolic link to something that is no device: choose another path")
+            raise LinkError(f"{path} is a symbolic link to something that is not a device: choose another path")
 
     def _make_symlink(self) -> None:
         if self.symlink is None:
@@ -107,7 +105,7 @@ class PtyLink(ByteLink):
         self._restart()
 
     def _hung_up(self) -> bool:
-        """Whether nobody has the device open, as POLLHUP of the master says."""
+        """Return whether nobody has the device open, as POLLHUP of the master shows."""
         if self._master < 0:
             return True
         poll = select.poll()
@@ -146,7 +144,7 @@ class PtyLink(ByteLink):
             return b""
 
     def wait(self, timeout_s: float) -> None:
-        """Wait for commands; while nobody is there, look for a reader every 10 ms."""
+        """Wait for commands; while nobody is there, check for a reader every 10 ms."""
         if self._connected():
             # Not poll: its milliseconds would make every sample late by up to one.
             with contextlib.suppress(OSError, ValueError):  # closed meanwhile, as a pulled cable

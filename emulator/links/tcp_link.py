@@ -13,19 +13,17 @@ import time
 from emulator import LinkError
 from emulator.links.byte_stream import ByteLink
 
-__all__ = ["TcpLink", "from_address"]
-
 _LOOPBACK = "127.0.0.1"
 _READ_BYTES = 65_536
 
 
 def from_address(rest: str) -> TcpLink:
-    """Return the link of ``tcp:PORT`` or ``tcp:127.0.0.1:PORT``; port 0 takes a free one.
+    """Return the link of ``tcp:PORT`` or ``tcp:127.0.0.1:PORT``; port 0 is any free one.
 
     Raises
     ------
     LinkError
-        The port is no number from 0 to 65535, or the host is not loopback.
+        The port is not a number from 0 to 65535, or the host is not loopback.
     """
     host, _, port = rest.rpartition(":")
     if host not in ("", _LOOPBACK, "localhost"):
@@ -40,7 +38,7 @@ class TcpLink(ByteLink):
 
     Parameters
     ----------
-    port
+    port : int
         0-65535; with 0 the system chooses, see ``host_uri``.
     """
 

@@ -17,8 +17,6 @@ import numpy as np
 
 from emulator.motion.rotation import FloatArray
 
-__all__ = ["CycleShape", "cosine", "trapezoid", "two_hump"]
-
 
 @dataclass(frozen=True)
 class CycleShape:
@@ -36,8 +34,8 @@ class CycleShape:
 
         Parameters
         ----------
-        phase
-            (n,) in cycles; whole cycles are taken off.
+        phase : (n,)
+            In cycles; only the fraction counts.
 
         Returns
         -------
@@ -59,12 +57,12 @@ class CycleShape:
         span = knots[j + 1] - knots[j]
         angle = np.pi * (within - knots[j]) / span
         eased, eased_rate = 0.5 * (1.0 - np.cos(angle)), 0.5 * np.pi * np.sin(angle) / span
-        rise, stretch = heights[j + 1] - heights[j], travelled[j + 1] - travelled[j]
+        rise, way = heights[j + 1] - heights[j], travelled[j + 1] - travelled[j]
         return (
             heights[j] + rise * eased,
             rise * eased_rate,
-            whole + travelled[j] + stretch * eased,
-            stretch * eased_rate,
+            whole + travelled[j] + way * eased,
+            way * eased_rate,
         )
 
 
@@ -85,13 +83,13 @@ def trapezoid(dwell: float) -> CycleShape:
 
 
 def two_hump(second_height: float, saddle_height: float) -> CycleShape:
-    """Return a shape that goes to the far extreme, half back, and up again to a lower hump before it returns.
+    """Return a shape that goes to the far extreme, half back, and up again to a lower peak before it returns.
 
     Parameters
     ----------
-    second_height
-        Height of the second hump, below 1 and above the saddle.
-    saddle_height
-        Height of the turn between the humps, above 0.
+    second_height : float
+        Height of the second peak, below 1 and above the saddle.
+    saddle_height : float
+        Height of the turn between the peaks, above 0.
     """
     return CycleShape((0.0, 0.3, 0.5, 0.7, 1.0), (0.0, 1.0, saddle_height, second_height, 0.0), far_phase=0.3)

@@ -1,6 +1,6 @@
 """The hand's motion and the object's true drift, in closed form.
 
-Time runs from the moment at which the hand's timeline begins: an idle lead-in, ``cycles`` cycles, an idle lead-out,
+Time runs from the moment at which the hand's timeline starts: an idle lead-in, ``cycles`` cycles, an idle lead-out,
 then rest for ever. The object's orientation is::
 
     q(t) = D(p) ⊗ exp(a(p) · axis) ⊗ E
@@ -29,8 +29,6 @@ from emulator.motion import cycle_shape
 from emulator.motion.rotation import FloatArray, conjugate, from_rotation_vector, multiply, rotate
 from emulator.settings import check_settings, choice, integer, number, vector
 
-__all__ = ["DriftSettings", "Extremes", "HandMotion", "MotionSettings", "drift_vectors"]
-
 IntArray = npt.NDArray[np.int64]
 
 _TEMPO_STREAM, _AMPLITUDE_STREAM, _DRIFT_STREAM = 11, 12, 13
@@ -41,7 +39,7 @@ class MotionSettings:
     """Scenario table ``[motion]``: what the hand does."""
 
     shape: str = choice("cosine", "cosine", "trapezoid", "two-hump")
-    """Shape of a cycle: there and back; with a rest at both extremes; with a second, lower hump."""
+    """Shape of a cycle: there and back; with a rest at both extremes; with a second, lower peak."""
     period_s: float = number(4.0, 0.2, 600.0)
     """Nominal duration of a cycle, s."""
     swing_deg: float = number(40.0, 0.1, 170.0)
@@ -55,13 +53,13 @@ class MotionSettings:
     lead_out_s: float = number(2.0, 0.0, 86_400.0)
     """Rest after the motion, s; then the scenario is over."""
     start_phase: float = number(0.0, 0.0, 0.999)
-    """Where in the cycle the hand rests and begins: 0 is the near extreme."""
+    """Where in the cycle the hand rests and starts: 0 is the near extreme."""
     dwell: float = number(0.2, 0.0, 0.45)
     """Trapezoid: rest at each extreme as a fraction of the cycle."""
     second_height: float = number(0.7, 0.05, 0.95)
-    """Two-hump: height of the second hump as a fraction of the swing."""
+    """Two-hump: height of the second peak as a fraction of the swing."""
     saddle_height: float = number(0.35, 0.0, 0.9)
-    """Two-hump: height of the turn between the humps; below ``second_height``."""
+    """Two-hump: height of the turn between the peaks; below ``second_height``."""
     tempo_variation: float = number(0.0, 0.0, 0.3)
     """Standard deviation of the cycle's duration as a fraction of the period; cut at 3 standard deviations."""
     tempo_trend: float = number(0.0, -0.9, 0.9)
@@ -73,7 +71,7 @@ class MotionSettings:
     initial_q_wxyz: tuple[float, float, float, float] = vector((1.0, 0.0, 0.0, 0.0), unit=True)
     """Pose at rest before the motion, body to world."""
     begins: str = choice("on-start", "on-start", "at-power-up")
-    """The timeline begins with the first START the object gets, or when the object powers up."""
+    """The timeline starts with the first START the object gets, or when the object powers up."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -111,7 +109,7 @@ class DriftSettings:
         check_settings(self)
 
     def check_slip(self, cycles: int) -> None:
-        """Raise ScenarioError for a slip that is no step between the end points of so many cycles."""
+        """Raise ScenarioError for a slip that is not a step between the end points of so many cycles."""
         if self.mode == "slip" and self.slip_cycle >= cycles:
             raise ScenarioError(
                 f"drift.slip_cycle must be below motion.cycles ({cycles}): it is a step between end points"
@@ -125,7 +123,7 @@ class Extremes:
     kind: str
     """``"near"`` or ``"far"``."""
     times_s: FloatArray
-    """(n,) since the timeline began, s."""
+    """(n,) since the timeline started, s."""
     quats_wxyz: FloatArray
     """(n, 4) true orientation, body to world."""
 
@@ -135,11 +133,11 @@ def drift_vectors(settings: DriftSettings, cycles: int, seed: int) -> FloatArray
 
     Parameters
     ----------
-    settings
+    settings : DriftSettings
         The drift.
-    cycles
+    cycles : int
         Number of cycles n.
-    seed
+    seed : int
         Seed of the random walk.
 
     Returns
@@ -167,9 +165,9 @@ class HandMotion:
 
     Parameters
     ----------
-    motion, drift
+    motion, drift : MotionSettings, DriftSettings
         Settings.
-    seed
+    seed : int
         Seed of tempo, amplitude and drift.
     """
 
@@ -231,7 +229,7 @@ class HandMotion:
         return self._drift_vectors[1:-1].copy()
 
     def phase(self, times_s: FloatArray) -> FloatArray:
-        """Return the phase in cycles at times since the timeline began, (n,); it rests outside the motion."""
+        """Return the phase in cycles at times since the timeline started, (n,); it rests outside the motion."""
         return np.interp(times_s, self._time_knots, self._phase_knots).astype(np.float64)
 
     def orientation(self, times_s: FloatArray) -> FloatArray:
@@ -239,8 +237,8 @@ class HandMotion:
 
         Parameters
         ----------
-        times_s
-            (n,) since the timeline began, s; any real number.
+        times_s : (n,)
+            Since the timeline started, s; any real number.
 
         Returns
         -------
@@ -257,8 +255,8 @@ class HandMotion:
 
         Parameters
         ----------
-        times_s
-            (n,) since the timeline began, s.
+        times_s : (n,)
+            Since the timeline started, s.
 
         Returns
         -------
@@ -282,7 +280,7 @@ class HandMotion:
         return self._extremes(self.primary_kind, np.arange(self.motion.cycles, dtype=np.float64))
 
     def other(self) -> Extremes:
-        """Return the end points at the other extreme; where the motion starts there, the start pose is none."""
+        """Return the end points at the other extreme; a start pose there is not one of them."""
         phases = np.arange(-1, self.motion.cycles) + self._other_offset
         reached = (phases > self._phase_knots[0] + 1e-9) & (phases <= self._phase_knots[-1] + 1e-9)
         return self._extremes("far" if self.primary_kind == "near" else "near", phases[reached])

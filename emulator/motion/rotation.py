@@ -9,15 +9,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "FloatArray",
-    "conjugate",
-    "from_rotation_vector",
-    "multiply",
-    "rotate",
-    "to_rotation_vector",
-]
-
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -26,8 +17,8 @@ def multiply(left: FloatArray, right: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    left, right
-        (..., 4) quaternions, scalar first.
+    left, right : (..., 4)
+        Quaternions, scalar first.
 
     Returns
     -------
@@ -58,10 +49,10 @@ def rotate(quats: FloatArray, vectors: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    quats
-        (..., 4) unit quaternions, scalar first.
-    vectors
-        (..., 3).
+    quats : (..., 4)
+        Unit quaternions, scalar first.
+    vectors : (..., 3)
+        To be rotated.
 
     Returns
     -------
@@ -78,8 +69,8 @@ def from_rotation_vector(vectors_rad: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    vectors_rad
-        (..., 3) rotation vectors, rad.
+    vectors_rad : (..., 3)
+        Rotation vectors, rad.
 
     Returns
     -------
@@ -96,8 +87,8 @@ def to_rotation_vector(quats: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    quats
-        (..., 4) unit quaternions, scalar first; q and −q give the same.
+    quats : (..., 4)
+        Unit quaternions, scalar first; the same for q and −q.
 
     Returns
     -------

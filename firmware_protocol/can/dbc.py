@@ -305,7 +305,7 @@ def _number(value: float) -> str:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Write the DBC of the node given (1 by default) to standard output."""
+    """Write the DBC of a node (1 by default) to standard output."""
     sys.stdout.write(dbc_text(int(arguments[0]) if arguments else 1))
     return 0
 

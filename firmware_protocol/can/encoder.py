@@ -27,7 +27,7 @@ from firmware_protocol.can.mapping import (
     status_pages,
     time_interval,
 )
-from firmware_protocol.codec import STREAMED
+from firmware_protocol.codec import ORIENTATION_DTYPE, STREAMED
 from firmware_protocol.errors import PacketValueError
 from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US, MAX_RATE_HZ, MIN_RATE_HZ, SEQUENCE_MODULUS, PacketType
 from firmware_protocol.quantization import quats_from_q15, quats_to_smallest_three
@@ -110,7 +110,7 @@ class CanObject:
         self._mark: TimeMark | None = None
         self._state: SampleState | None = None
         self.ignored_frames = 0
-        """Frames that were no command to this object."""
+        """Frames that were not commands to this object."""
 
     def encode(self, packets: Sequence[bytes]) -> list[CanFrame]:
         """Return the frames of encoded packets, in order; long ones go on when the host answers :meth:`receive`.
@@ -118,7 +118,7 @@ class CanObject:
         Parameters
         ----------
         packets : sequence of bytes
-            Type byte and fields, as :func:`~firmware_protocol.codec.encode_packet` gives them.
+            Type byte and fields, as :func:`~firmware_protocol.codec.encode_packet` returns them.
         """
         samples = [packet for packet in packets if packet[0] == PacketType.ORIENTATION]
         codes = iter(()) if self.fd else iter(_smallest_three(samples))
@@ -139,7 +139,7 @@ class CanObject:
         return frames
 
     def receive(self, frame: CanFrame) -> tuple[list[bytes], list[CanFrame]]:
-        """Take one frame from the bus.
+        """Process one frame from the bus.
 
         Returns
         -------
@@ -172,7 +172,7 @@ class CanObject:
         return self._channel.take_outgoing()
 
     def reset(self) -> None:
-        """Forget everything, as power-up does; what a listener needs is sent anew with the next sample."""
+        """Forget everything, as power-up does; what a listener needs is sent again with the next sample."""
         self._channel = None
         self._counter = self._mark = self._state = None
 
@@ -198,14 +198,14 @@ class CanObject:
         _, sequence, time_us, _, _, _, _, flags = STREAMED[PacketType.ORIENTATION].unpack(packet)
         counter = self._follow(sequence, time_us)
         state = SampleState(counter, flags, self._rate_hz, self._tag)
-        told = self._state
-        changed = told is None or (told.flags, told.rate_hz, told.tag) != (flags, self._rate_hz, self._tag)
+        sent = self._state
+        changed = sent is None or (sent.flags, sent.rate_hz, sent.tag) != (flags, self._rate_hz, self._tag)
         due = self._mark is None or self._is_due(counter, self._mark.counter)
         frames = []
         if changed or due:
             self._state = state
             frames.append(CanFrame(arbitration_id(CanFunction.SAMPLE_STATE, self.node), state.to_bytes()))
-        if due or self._off_grid(counter, time_us) or (told is not None and told.rate_hz != self._rate_hz):
+        if due or self._off_grid(counter, time_us) or (sent is not None and sent.rate_hz != self._rate_hz):
             self._mark = TimeMark(counter, time_us)
             frames.append(CanFrame(arbitration_id(CanFunction.TIME, self.node), self._mark.to_bytes()))
         if self.fd:
@@ -255,10 +255,7 @@ class CanObject:
             return [CanFrame(arbitration_id(CanFunction.STATUS, node), page) for page in status_pages(values)]
         if packet_type is PacketType.RAW_IMU:
             sequence, _, *axes = values
-            gyro, acceleration = (
-                IMU_LAYOUT.pack(sequence & 0xFF, *axes[:3]),
-                IMU_LAYOUT.pack(sequence & 0xFF, *axes[3:]),
-            )
+            gyro, acceleration = (IMU_LAYOUT.pack(sequence & 0xFF, *three) for three in (axes[:3], axes[3:]))
             return [
                 CanFrame(arbitration_id(CanFunction.RAW_GYRO, node), gyro),
                 CanFrame(arbitration_id(CanFunction.RAW_ACCELERATION, node), acceleration),
@@ -279,8 +276,7 @@ _CLASSIC = frozenset(_WHOLE_FUNCTIONS) - {PacketType.ORIENTATION}
 def _smallest_three(samples: Sequence[bytes]) -> list[int]:
     if not samples:
         return []
-    layout = np.dtype([("head", "u1", (7,)), ("q", "<i2", (4,)), ("flags", "u1")])
-    quats, good = quats_from_q15(np.frombuffer(b"".join(samples), layout)["q"])
+    quats, good = quats_from_q15(np.frombuffer(b"".join(samples), ORIENTATION_DTYPE)["q"])
     quats[~good] = (1.0, 0.0, 0.0, 0.0)
     codes = quats_to_smallest_three(quats)
     codes[~good] = NO_ORIENTATION

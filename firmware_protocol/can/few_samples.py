@@ -12,10 +12,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from firmware_protocol.can.frames import CLASSIC_BYTES, FD_BYTES, FrameFlag
+from firmware_protocol.can.frames import BATCH_HEAD, CLASSIC_BYTES, FD_BYTES, RECORD_HEAD, FrameFlag, batch_head
 from firmware_protocol.can.mapping import WHOLE_ORIENTATION_BYTES
 from firmware_protocol.can.numbering import SILENCE_SAMPLES, Numbering
 from firmware_protocol.can.timeline import Timeline
+from firmware_protocol.codec import STREAMED
 from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US, OrientationBatch, PacketType
 from firmware_protocol.quantization import (
     Q15_MAX_SQUARE,
@@ -25,20 +26,22 @@ from firmware_protocol.quantization import (
     SMALLEST_THREE_SCALE,
 )
 
-MAX_QUICK_FRAMES = 8
+MAX_FAST_FRAMES = 8
 """Above it, arrays are faster."""
 
-_RECORD = struct.Struct("<qdIBBHQ")
-_HEAD = b"CF\x01" + bytes([CLASSIC_BYTES])
-_HEAD_BYTES = 8
-_WHOLE_RECORD = struct.Struct("<qdIBBHBBHI4hB")
-"""The same, and a whole ORIENTATION: size, type, sequence, device time, quaternion, flags."""
-_WHOLE_RECORD_BYTES = 24 + FD_BYTES
-_WHOLE_HEAD = b"CF\x01" + bytes([FD_BYTES])
-_WHOLE_SIZE = 16
-_WHOLE_FLAGS = frozenset({int(FrameFlag.FD), int(FrameFlag.FD | FrameFlag.BITRATE_SWITCH)})
-MAX_QUICK_BYTES = _HEAD_BYTES + _WHOLE_RECORD_BYTES * MAX_QUICK_FRAMES
+_PACKET = STREAMED[PacketType.ORIENTATION]
+_RECORD = struct.Struct(RECORD_HEAD.format + "Q")
+_WHOLE_RECORD = struct.Struct(RECORD_HEAD.format + "B" + _PACKET.format.lstrip("<"))
+"""The head, and a whole ORIENTATION behind its length byte."""
+_WHOLE_RECORD_BYTES = RECORD_HEAD.size + FD_BYTES
+_COUNTS = range(1, MAX_FAST_FRAMES + 1)
+_CLASSIC_HEADS = {BATCH_HEAD.size + n * _RECORD.size: batch_head(CLASSIC_BYTES, n) for n in _COUNTS}
+"""Length of a batch of 1 to 8 classic frames -> its head."""
+_FD_HEADS = {BATCH_HEAD.size + n * _WHOLE_RECORD_BYTES: batch_head(FD_BYTES, n) for n in _COUNTS}
+"""The same for CAN FD frames."""
+MAX_FAST_BYTES = max(_FD_HEADS)
 """Longest frame batch that may be one of a few frames."""
+_FD_FLAGS = frozenset({int(FrameFlag.FD), int(FrameFlag.FD | FrameFlag.BITRATE_SWITCH)})
 _MASK = (1 << SMALLEST_THREE_BITS) - 1
 _MAX_THREE_SQUARE = 0.75
 """A code near the limit is left to the arrays, which judge it."""
@@ -46,11 +49,10 @@ _MAX_THREE_SQUARE = 0.75
 
 def plain_samples(data: bytes, identifier: int) -> list[tuple[int, int]] | None:
     """Return (host time, data as u64) of each frame if all are classic, have this id and 8 bytes; else None."""
-    count, rest = divmod(len(data) - _HEAD_BYTES, _RECORD.size)
-    if rest or not 0 < count <= MAX_QUICK_FRAMES or data[:4] != _HEAD or data[4:8] != count.to_bytes(4, "little"):
+    if data[: BATCH_HEAD.size] != _CLASSIC_HEADS.get(len(data)):
         return None
     found = []
-    for host_ns, _, arbitration_id, length, flags, _, code in _RECORD.iter_unpack(data[_HEAD_BYTES:]):
+    for host_ns, _, arbitration_id, length, flags, _, code in _RECORD.iter_unpack(data[BATCH_HEAD.size :]):
         if arbitration_id != identifier or length != CLASSIC_BYTES or flags:
             return None
         found.append((host_ns, code))
@@ -59,11 +61,10 @@ def plain_samples(data: bytes, identifier: int) -> list[tuple[int, int]] | None:
 
 def whole_samples(data: bytes, identifier: int) -> OrientationBatch | None:
     """Decode the frames of a batch if all are good ORIENTATION packets in CAN FD frames with this id; else None."""
-    count, rest = divmod(len(data) - _HEAD_BYTES, _WHOLE_RECORD_BYTES)
-    if rest or not 0 < count <= MAX_QUICK_FRAMES or data[:4] != _WHOLE_HEAD or data[4:8] != count.to_bytes(4, "little"):
+    if data[: BATCH_HEAD.size] != _FD_HEADS.get(len(data)):
         return None
     sequences, times, quats, sample_flags = [], [], [], []
-    for place in range(_HEAD_BYTES, len(data), _WHOLE_RECORD_BYTES):
+    for place in range(BATCH_HEAD.size, len(data), _WHOLE_RECORD_BYTES):
         _, _, arbitration_id, length, frame_flags, _, size, kind, sequence, time_us, w, x, y, z, flags = (
             _WHOLE_RECORD.unpack_from(data, place)
         )
@@ -71,8 +72,8 @@ def whole_samples(data: bytes, identifier: int) -> OrientationBatch | None:
         if (
             arbitration_id != identifier
             or length != WHOLE_ORIENTATION_BYTES
-            or frame_flags not in _WHOLE_FLAGS
-            or size != _WHOLE_SIZE
+            or frame_flags not in _FD_FLAGS
+            or size != _PACKET.size
             or kind != PacketType.ORIENTATION
             or not Q15_MIN_SQUARE <= square <= Q15_MAX_SQUARE
         ):
@@ -96,8 +97,8 @@ def next_samples(
     ----------
     frames : sequence of (int, int)
         Host time in ns, and data as u64.
-    numbering, timeline
-        Where the node stands; the numbering is moved on.
+    numbering, timeline : Numbering, Timeline
+        Where the object stands; the numbering is moved on.
     """
     expected, newest = numbering.expected, timeline.newest
     if expected is None or newest is None:
@@ -106,7 +107,7 @@ def next_samples(
     if expected < mark_counter or expected < state_counter:
         return None
     longest_ns = SILENCE_SAMPLES * 1e9 / rate_hz
-    heard_ns = numbering.heard_ns
+    heard_ns = numbering.silence.heard_ns
     quats = []
     for number, (host_ns, code) in enumerate(frames, expected):
         if code & 0xFF != number & 0xFF or host_ns - heard_ns > longest_ns:
@@ -116,15 +117,7 @@ def next_samples(
         if q_wxyz is None:
             return None
         quats.append(q_wxyz)
-    for host_ns, _ in frames:
-        silence_ns = host_ns - numbering.heard_ns
-        if silence_ns > numbering.longest_silence_ns:
-            numbering.longest_silence_ns = silence_ns
-            numbering.given_since_silence = 0
-        numbering.given_since_silence += 1
-        numbering.heard_ns = host_ns
-    numbering.expected = expected + len(frames)
-    numbering.newest = expected + len(frames) - 1
+    numbering.deliver_next(host_ns for host_ns, _ in frames)
     counters = range(expected, expected + len(frames))
     times = [
         (mark_time_us + (2_000_000 * (counter - mark_counter) + rate_hz) // (2 * rate_hz)) % DEVICE_CLOCK_MODULUS_US

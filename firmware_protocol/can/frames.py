@@ -41,8 +41,10 @@ FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Lengths a CAN FD frame can have, by data length code."""
 
 _MAGIC = b"CF"
-_HEADER = struct.Struct("<2sBBI")
-_FIELDS = struct.Struct("<qdIBBH")
+BATCH_HEAD = struct.Struct("<2sBBI")
+"""Fields before the records of a batch."""
+RECORD_HEAD = struct.Struct("<qdIBBH")
+"""Fields of a record before its data."""
 
 
 class FrameFlag(enum.IntFlag):
@@ -85,14 +87,19 @@ def record_dtype(width: int) -> np.dtype[Any]:
         {
             "names": ["host_time_ns", "interface_time_s", "arbitration_id", "length", "flags", "data", "code"],
             "formats": ["<i8", "<f8", "<u4", "u1", "u1", ("u1", (width,)), "<u8"],
-            "offsets": [0, 8, 16, 20, 21, 24, 24],
-            "itemsize": 24 + width,
+            "offsets": [0, 8, 16, 20, 21, RECORD_HEAD.size, RECORD_HEAD.size],
+            "itemsize": RECORD_HEAD.size + width,
         }
     )
 
 
 RECORD_DTYPES = {CLASSIC_BYTES: record_dtype(CLASSIC_BYTES), FD_BYTES: record_dtype(FD_BYTES)}
 """Structured type of a record, by width."""
+
+
+def batch_head(width: int, count: int) -> bytes:
+    """Return what stands before the records of a batch: of ``count`` frames with room for ``width`` bytes each."""
+    return BATCH_HEAD.pack(_MAGIC, BATCH_VERSION, width, count)
 
 
 def pack_frames(frames: Sequence[CanFrame]) -> bytes:
@@ -104,14 +111,14 @@ def pack_frames(frames: Sequence[CanFrame]) -> bytes:
         More data than the frame's kind can carry.
     """
     width = FD_BYTES if any(frame.is_fd or len(frame.data) > CLASSIC_BYTES for frame in frames) else CLASSIC_BYTES
-    parts = [_HEADER.pack(_MAGIC, BATCH_VERSION, width, len(frames))]
+    parts = [batch_head(width, len(frames))]
     for frame in frames:
         limit = FD_BYTES if frame.is_fd else CLASSIC_BYTES
         if len(frame.data) > limit:
             raise PacketValueError(f"{len(frame.data)} bytes do not fit a CAN frame of at most {limit}")
         length = frame.remote_length if frame.flags & FrameFlag.REMOTE else len(frame.data)
         parts.append(
-            _FIELDS.pack(frame.host_time_ns, frame.interface_time_s, frame.arbitration_id, length, frame.flags, 0)
+            RECORD_HEAD.pack(frame.host_time_ns, frame.interface_time_s, frame.arbitration_id, length, frame.flags, 0)
         )
         parts.append(frame.data.ljust(width, b"\0"))
     return b"".join(parts)
@@ -123,17 +130,17 @@ def frame_array(data: bytes) -> FrameArray:
     Raises
     ------
     MalformedPacketError
-        The bytes are no frame batch: a damaged recording.
+        The bytes are not a frame batch: a damaged recording.
     """
     batches = []
     offset = 0
     while offset < len(data):
-        if len(data) - offset < _HEADER.size:
+        if len(data) - offset < BATCH_HEAD.size:
             raise MalformedPacketError("a frame batch is cut in its header")
-        magic, version, width, count = _HEADER.unpack_from(data, offset)
+        magic, version, width, count = BATCH_HEAD.unpack_from(data, offset)
         if magic != _MAGIC or version != BATCH_VERSION or width not in RECORD_DTYPES:
-            raise MalformedPacketError("the bytes are no batch of CAN frames")
-        offset += _HEADER.size
+            raise MalformedPacketError("the bytes are not a batch of CAN frames")
+        offset += BATCH_HEAD.size
         dtype = RECORD_DTYPES[width]
         if count * dtype.itemsize > len(data) - offset:
             raise MalformedPacketError("a frame batch is cut")
@@ -166,7 +173,7 @@ def unpack_frames(data: bytes) -> list[CanFrame]:
     Raises
     ------
     MalformedPacketError
-        The bytes are no frame batch.
+        The bytes are not a frame batch.
     """
     return list(iter_frames(frame_array(data)))
 

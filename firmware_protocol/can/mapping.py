@@ -2,7 +2,7 @@
 
 **Arbitration id** (11 bits): bit 10 = whole packet in one CAN FD frame; bits 5-9 = :class:`CanFunction`; bits 0-4 =
 node id, 1-31. Lower ids win the bus, so functions stand in order of urgency; node 0 addresses every object (commands
-only). 29-bit ids, ids below 0x020 and functions not listed are other people's.
+only). 29-bit ids, ids below 0x020 and functions not listed belong to other devices.
 
 **Classic frames.** A packet of at most 8 bytes travels as it is, type byte first (commands, ACK, EVENT). The others:
 
@@ -19,10 +19,10 @@ only). 29-bit ids, ids below 0x020 and functions not listed are other people's.
 - Longer packets (INFO, and what newer versions add): ISO-TP (ISO 15765-2), normal addressing, in both directions.
 
 **Device time** of a sample between two TIME frames follows from its counter: :func:`sample_times_us`. An object whose
-samples leave that grid by more than ``GRID_TOLERANCE_US`` says so with another TIME, alone.
+samples leave that grid by more than ``GRID_TOLERANCE_US`` sends another TIME, alone.
 
 **CAN FD frames** (bit 10 set, bit rate switch on) carry whole packets: a length byte, the packet, zeros to the next
-length that CAN FD has. TIME and SAMPLE_STATE stay, classic in form, at the same intervals; they tell objects apart.
+length that CAN FD has. TIME and SAMPLE_STATE stay, classic in form, at the same intervals; boots differ in them.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from firmware_protocol.packets import MAX_RATE_HZ, MIN_RATE_HZ
 MIN_NODE = 1
 MAX_NODE = 31
 ALL_NODES = 0
-"""Node id of a command that every object takes."""
+"""Node id of a command for every object."""
 NODE_BITS = 5
 NODE_MASK = (1 << NODE_BITS) - 1
 FUNCTIONS = 32
@@ -100,7 +100,7 @@ WHOLE_ORIENTATION_BYTES = 20
 
 @dataclass(frozen=True, slots=True)
 class CanId:
-    """An arbitration id of ours, taken apart."""
+    """An arbitration id of this protocol, parsed."""
 
     function: CanFunction
     node: int
@@ -128,7 +128,7 @@ def arbitration_id(function: CanFunction, node: int, whole_packet: bool = False)
 
 
 def split_id(identifier: int) -> CanId | None:
-    """Take an 11-bit id apart; None where it is none of ours."""
+    """Return an 11-bit id parsed; None where it is not one of this protocol."""
     try:
         function = CanFunction(identifier >> NODE_BITS & 0x1F)
     except ValueError:
@@ -171,7 +171,7 @@ def sample_times_us(
 def boot_tag(device_id: int, boot_id: int) -> int:
     """Return eight bits that differ between objects and between boots, but for one pair in 255; never 0.
 
-    0 says that the object does not know its own identity.
+    0 means that the object does not know its own identity.
     """
     crc = binascii.crc_hqx(struct.pack("<QI", device_id, boot_id), 0xFFFF)
     return crc % 255 + 1
@@ -179,7 +179,7 @@ def boot_tag(device_id: int, boot_id: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class TimeMark:
-    """What TIME says: sample ``counter`` was taken at ``device_time_us``."""
+    """The content of TIME: sample ``counter`` was measured at ``device_time_us``."""
 
     counter: int
     """u32."""
@@ -195,7 +195,7 @@ class TimeMark:
 
 @dataclass(frozen=True, slots=True)
 class SampleState:
-    """What SAMPLE_STATE says: from sample ``counter`` on, these hold."""
+    """The content of SAMPLE_STATE: from sample ``counter`` on, these hold."""
 
     counter: int
     """u32."""

@@ -3,18 +3,20 @@
 Between two TIME frames the counter follows from the differences of the eight bits. A TIME frame then shows how many
 times 256 samples were lost unseen on the way; they are put where the host heard nothing for longest, or, where it was
 never silent for so long (it was busy itself, and read late), where the eight bits jump. After a long silence, and where
-the eight bits do not go up, samples are *held* until the next TIME frame (at most ``can_mapping.MAX_TIME_INTERVAL``
-samples later), so that no sample is numbered by guess; so are all before the first TIME frame.
+the eight bits do not go up, samples are *held* until the next TIME frame (at most ``mapping.MAX_TIME_INTERVAL`` samples
+later), so that no sample is numbered by guess; so are all before the first TIME frame.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol.can.mapping import SEQUENCE_MODULUS
+from firmware_protocol.items import Tally
 
 IntArray = npt.NDArray[np.int64]
 
@@ -23,7 +25,7 @@ LATE_WINDOW = 4
 SILENCE_SAMPLES = SEQUENCE_MODULUS // 2
 """A silence of this many sample periods could hide 256 lost samples: what follows waits for TIME."""
 MAX_HELD = 512
-"""Samples held; beyond it there is no TIME frame, so they are not ours to number."""
+"""Samples held; beyond it TIME frames do not come, so waiting for one is in vain."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,21 +41,81 @@ class Marks:
 
 
 @dataclass(slots=True)
-class Numbering:
-    """Where the numbering of one node stands; forgotten by making a new one."""
+class Silence:
+    """The longest silence before a sample delivered since the last TIME frame: where a loss would be placed."""
 
+    heard_ns: int = 0
+    """When the last sample was received, or the TIME frame after it."""
+    longest_ns: int = -1
+    """The longest silence."""
+    n_after: int = 0
+    """Samples delivered after it: wrongly numbered if the next TIME frame shows a loss in it."""
+
+    def end(self, host_ns: int) -> None:
+        """Start again at a TIME frame: it has shown what was lost before it."""
+        self.heard_ns, self.longest_ns, self.n_after = host_ns, -1, 0
+
+    def deliver(self, host_ns: int) -> None:
+        """Note one sample delivered."""
+        silence_ns = host_ns - self.heard_ns
+        if silence_ns > self.longest_ns:
+            self.longest_ns, self.n_after = silence_ns, 0
+        self.n_after += 1
+        self.heard_ns = host_ns
+
+    def deliver_many(self, silences_ns: IntArray, host_ns: int) -> None:
+        """Note samples delivered, by the silence before each (k,) and the time of the last one's reception."""
+        self.n_after += len(silences_ns)
+        place = int(np.argmax(silences_ns))
+        if int(silences_ns[place]) > self.longest_ns:
+            self.longest_ns, self.n_after = int(silences_ns[place]), len(silences_ns) - place
+        self.heard_ns = host_ns
+
+
+class _Run:
+    """A run of n samples on its way to its counters. TIME frames cut it into segments, ``first`` to ``last``."""
+
+    def __init__(self, sequence: npt.NDArray[np.uint8], host_ns: IntArray, period_ns: float) -> None:
+        n = len(sequence)
+        self.low_bits = sequence.astype(np.int64)
+        self.steps = np.zeros(n, np.int64)
+        """From one sample to the next by the eight bits; from segment to segment by the counters, once these are known.
+        """
+        self.steps[1:] = (np.diff(self.low_bits) + LATE_WINDOW) % SEQUENCE_MODULUS - LATE_WINDOW
+        self.offsets = np.cumsum(self.steps)
+        self.counters = np.empty(n, np.int64)
+        self.host_ns = host_ns
+        self.doubtful_ns = SILENCE_SAMPLES * period_ns
+        """A silence longer than this could hide 256 lost samples."""
+
+    def set_counters(self, first: int, last: int, start: int) -> None:
+        """Assign the counters of a segment, from its first sample's."""
+        np.add(self.offsets[first:last], start - int(self.offsets[first]), out=self.counters[first:last])
+
+    def silences_ns(self, first: int, last: int, heard_ns: int) -> IntArray:
+        """Return the silence before each sample of a segment; ``heard_ns`` is the time of the frame before it."""
+        return np.diff(self.host_ns[first:last], prepend=heard_ns)
+
+
+@dataclass(slots=True)
+class Numbering:
+    """Where the numbering of one boot of one object stands."""
+
+    tally: Tally = field(default_factory=Tally)
+    """Where ``misnumbered`` samples are counted."""
     expected: int | None = None
     """Unwrapped counter of the next sample if none is lost; None before the first TIME frame."""
     newest: int | None = None
-    """Counter of the last sample given away."""
-    heard_ns: int = 0
-    """When the last sample was received, or the TIME frame after it."""
-    longest_silence_ns: int = -1
-    """Longest silence since the last TIME frame among samples already given away."""
-    given_since_silence: int = 0
-    """Samples given away since then: wrongly numbered if the next TIME frame shows a loss in that silence."""
-    misnumbered: int = 0
-    """Samples given away that a later TIME frame showed to be numbered 256 or more too low."""
+    """Counter of the last sample delivered."""
+    silence: Silence = field(default_factory=Silence)
+    """Among the samples delivered since the last TIME frame."""
+
+    def deliver_next(self, host_times_ns: Iterable[int]) -> None:
+        """Deliver samples that are plainly the next ones; :attr:`expected` must be known."""
+        for host_ns in host_times_ns:
+            self.silence.deliver(host_ns)
+            self.newest = self.expected
+            self.expected += 1  # type: ignore[operator]
 
     def number(
         self,
@@ -63,7 +125,7 @@ class Numbering:
         period_ns: float,
         may_hold: bool = True,
     ) -> tuple[IntArray, int]:
-        """Give a run of samples their counters.
+        """Find the counters of a run of samples.
 
         Parameters
         ----------
@@ -72,7 +134,7 @@ class Numbering:
         host_ns : (n,)
             When each was received.
         marks : Marks
-            The TIME frames among them; counters must not fall, nor begin behind what was numbered before.
+            The TIME frames among them; counters must not fall, nor start behind what was numbered before.
         period_ns : float
             Sample period.
         may_hold : bool
@@ -83,111 +145,93 @@ class Numbering:
         counters : (m,)
             Of the first m samples; negative where a sample cannot be numbered.
         m : int
-            The others are held: give them again, in front of the next run.
+            The others are held: pass them again, in front of the next run.
         """
-        n = len(sequence)
-        n_marks = len(marks.counter)
-        if self.expected is None and n_marks == 0:
+        n, first = len(sequence), 0
+        if self.expected is None and len(marks.counter) == 0:
             return np.empty(0, np.int64), 0
-        low_bits = sequence.astype(np.int64)
-        steps = np.zeros(n, np.int64)
-        steps[1:] = (np.diff(low_bits) + LATE_WINDOW) % SEQUENCE_MODULUS - LATE_WINDOW
-        total = np.cumsum(steps)
-        counters = np.empty(n, np.int64)
-        edges = [0, *marks.position.tolist(), n]
-        mark_counters, mark_times_ns = marks.counter.tolist(), marks.host_time_ns.tolist()
-        expected_before: int | None = None
-        for segment in range(n_marks + 1):
-            first, last = edges[segment], edges[segment + 1]
-            expected_before = self.expected
+        run = _Run(sequence, host_ns, period_ns)
+        for last, counter, mark_ns in zip(
+            marks.position.tolist(), marks.counter.tolist(), marks.host_time_ns.tolist(), strict=True
+        ):
             if first < last:
                 if self.expected is None:
-                    # Before the first TIME frame: the last sample is the newest that may stand before it.
-                    high = mark_counters[0] - 1 + LATE_WINDOW
-                    newest = high - (high - int(low_bits[last - 1])) % SEQUENCE_MODULUS
-                    start = newest - int(total[last - 1] - total[first])
-                    unknown = self._before_silence(host_ns[first:last], period_ns)
+                    self._number_backwards(run, last, counter)
                 else:
-                    unknown = 0
-                    low = self.expected - LATE_WINDOW
-                    start = low + (int(low_bits[first]) - low) % SEQUENCE_MODULUS
-                    previous = int(counters[first - 1]) if first else self.newest
-                    steps[first] = 1 if previous is None else start - previous
-                np.add(total[first:last], start - int(total[first]), out=counters[first:last])
-                counters[first : first + unknown] = -1
-                self.expected = int(counters[last - 1]) + 1
-            if segment < n_marks:
-                mark, mark_ns = mark_counters[segment], mark_times_ns[segment]
-                if self.expected is not None and mark - self.expected >= SEQUENCE_MODULUS:
-                    unseen = (mark - self.expected) // SEQUENCE_MODULUS * SEQUENCE_MODULUS
-                    self._place(unseen, counters, host_ns, steps, first, last, mark_ns, period_ns)
-                self.expected, self.heard_ns = mark, mark_ns
-                self.longest_silence_ns = -1
-                self.given_since_silence = 0
-        first = edges[-2]
-        if not may_hold and first < n and expected_before is not None:
-            # No TIME frame will tell: the last sample is taken for the one that is due by the time of its reception.
-            due = expected_before + round((int(host_ns[-1]) - self.heard_ns) / period_ns)
-            unseen = round((due - int(counters[-1])) / SEQUENCE_MODULUS) * SEQUENCE_MODULUS
-            if unseen > 0:
-                self._place(unseen, counters, host_ns, steps, first, n, int(host_ns[-1]), period_ns)
-        taken = self._given(host_ns, steps, first, n, period_ns, may_hold)
-        if first < n:
+                    self._number_onwards(run, first, last, self.expected)
+            if self.expected is not None and counter - self.expected >= SEQUENCE_MODULUS:
+                unseen = (counter - self.expected) // SEQUENCE_MODULUS * SEQUENCE_MODULUS
+                self._place(run, first, last, unseen, mark_ns)
+            self.expected = counter
+            self.silence.end(mark_ns)
+            first = last
+        delivered = n
+        if first < n:  # samples behind the last TIME frame
+            before = self.expected
+            assert before is not None
+            self._number_onwards(run, first, n, before)
+            if not may_hold:
+                # No TIME frame will come: the last sample is assumed to be the one due when it was received.
+                due = before + round((int(host_ns[-1]) - self.silence.heard_ns) / period_ns)
+                unseen = round((due - int(run.counters[-1])) / SEQUENCE_MODULUS) * SEQUENCE_MODULUS
+                if unseen > 0:
+                    self._place(run, first, n, unseen, int(host_ns[-1]))
+            delivered = self._deliver(run, first, may_hold)
             # Held samples have no number yet.
-            self.expected = int(counters[taken - 1]) + 1 if taken > first else expected_before
-        if taken:
-            self.newest = int(counters[taken - 1])
-        return counters[:taken], taken
+            self.expected = int(run.counters[delivered - 1]) + 1 if delivered > first else before
+        if delivered:
+            self.newest = int(run.counters[delivered - 1])
+        return run.counters[:delivered], delivered
 
-    @staticmethod
-    def _before_silence(host_ns: IntArray, period_ns: float) -> int:
-        """How many samples stand before the last long silence: nothing tells how many were lost in it."""
-        long = np.flatnonzero(np.diff(host_ns) > SILENCE_SAMPLES * period_ns)
-        return int(long[-1]) + 1 if len(long) else 0
+    def _number_backwards(self, run: _Run, last: int, counter: int) -> None:
+        """Find the counters before the first TIME frame ever: the last sample is the newest that may stand there."""
+        high = counter - 1 + LATE_WINDOW
+        newest = high - (high - int(run.low_bits[last - 1])) % SEQUENCE_MODULUS
+        run.set_counters(0, last, newest - int(run.offsets[last - 1]))
+        # Nothing shows how many samples were lost in a long silence, so those before the last one stay unnumbered.
+        long = np.flatnonzero(np.diff(run.host_ns[:last]) > run.doubtful_ns)
+        if len(long):
+            run.counters[: int(long[-1]) + 1] = -1
+        self.expected = newest + 1
 
-    def _place(
-        self,
-        unseen: int,
-        counters: IntArray,
-        host_ns: IntArray,
-        steps: IntArray,
-        first: int,
-        last: int,
-        mark_ns: int,
-        period_ns: float,
-    ) -> None:
-        """Put samples lost unseen where they most likely belong: before a sample, or before the TIME.
+    def _number_onwards(self, run: _Run, first: int, last: int, expected: int) -> None:
+        """Find the counters of a segment from where the one before it ended."""
+        low = expected - LATE_WINDOW
+        start = low + (int(run.low_bits[first]) - low) % SEQUENCE_MODULUS
+        previous = int(run.counters[first - 1]) if first else self.newest
+        run.steps[first] = 1 if previous is None else start - previous
+        run.set_counters(first, last, start)
+        self.expected = int(run.counters[last - 1]) + 1
+
+    def _place(self, run: _Run, first: int, last: int, unseen: int, until_ns: int) -> None:
+        """Put samples lost unseen where they most likely belong: before a sample of the segment, or behind it.
 
         That is where the eight bits do not go up, for some 256 lost in a row look so; else where the host heard nothing
         for longest, if that was long enough; else where the eight bits jump.
         """
         if first == last:
             return
-        silences = np.diff(np.concatenate([[self.heard_ns], host_ns[first:last], [mark_ns]]))
-        is_back = np.append(steps[first:last] <= 0, False)
-        jumps = np.append(np.abs(steps[first:last] - 1), 0)
-        is_silent = bool(silences.max() > SILENCE_SAMPLES * period_ns)
+        steps = run.steps[first:last]
+        silences = np.append(run.silences_ns(first, last, self.silence.heard_ns), until_ns - int(run.host_ns[last - 1]))
+        is_back = np.append(steps <= 0, False)
+        jumps = np.append(np.abs(steps - 1), 0)
+        is_silent = bool(silences.max() > run.doubtful_ns)
         first_key, second_key = (silences, jumps) if is_silent else (jumps, silences)
         place = int(np.lexsort((np.arange(len(silences)), second_key, first_key, is_back))[-1])
-        if self.longest_silence_ns > int(silences[place]) and not jumps[place]:
-            self.misnumbered += self.given_since_silence
+        if self.silence.longest_ns > int(silences[place]) and not jumps[place]:
+            # The longest silence was before samples that are delivered already: they carry numbers too low.
+            self.tally["misnumbered"] += self.silence.n_after
             place = 0
-        counters[first + place : last] += unseen
+        run.counters[first + place : last] += unseen
 
-    def _given(self, host_ns: IntArray, steps: IntArray, first: int, n: int, period_ns: float, may_hold: bool) -> int:
-        """How many samples can be given away now: the last segment, up to where some may be missing unseen."""
-        if first == n:
-            return n
-        silences = np.diff(np.concatenate([[self.heard_ns], host_ns[first:n]]))
-        doubtful = np.flatnonzero((silences > SILENCE_SAMPLES * period_ns) | (steps[first:n] <= 0))
-        taken = first + int(doubtful[0]) if len(doubtful) and may_hold else n
-        if n - taken > MAX_HELD:  # no TIME frame comes any more: better a guess than nothing
-            taken = n
-        if taken > first:
-            self.given_since_silence += taken - first
-            place = int(np.argmax(silences[: taken - first]))
-            if int(silences[place]) > self.longest_silence_ns:
-                self.longest_silence_ns = int(silences[place])
-                self.given_since_silence = taken - first - place
-            self.heard_ns = int(host_ns[taken - 1])
-        return taken
+    def _deliver(self, run: _Run, first: int, may_hold: bool) -> int:
+        """Return how many samples of the run can be delivered: up to where some may be missing unseen."""
+        silences = run.silences_ns(first, len(run.counters), self.silence.heard_ns)
+        count = len(silences)
+        doubtful = np.flatnonzero((silences > run.doubtful_ns) | (run.steps[first:] <= 0))
+        # Where too many wait, TIME frames do not come any more: better a guess than nothing.
+        if len(doubtful) and may_hold and count - int(doubtful[0]) <= MAX_HELD:
+            count = int(doubtful[0])
+        if count:
+            self.silence.deliver_many(silences[:count], int(run.host_ns[first + count - 1]))
+        return first + count

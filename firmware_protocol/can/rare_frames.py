@@ -2,70 +2,56 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
 
-from firmware_protocol import codec
-from firmware_protocol.can.frames import CanFrame
 from firmware_protocol.can.iso_tp import LongPacketChannel
 from firmware_protocol.can.mapping import (
     FD_BIT,
     HOST_FUNCTIONS,
     IMU_LAYOUT,
     NODE_BITS,
+    NODE_MASK,
     SEQUENCE_MODULUS,
     STATUS_PAGES,
     CanFunction,
     status_values,
 )
 from firmware_protocol.can.timeline import Timeline
-from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
-from firmware_protocol.items import ForeignInfo
-from firmware_protocol.packets import Orientation, Packet, PacketType
+from firmware_protocol.errors import MalformedPacketError
+from firmware_protocol.items import ForeignInfo, Tally, decode_counted
+from firmware_protocol.packets import Packet, PacketType
 from firmware_protocol.wire_values import FROM_WIRE
 
 _WHOLE = FD_BIT >> NODE_BITS
+_ORIENTATION = bytes([PacketType.ORIENTATION])
 
 
 class RareFrames:
-    """The rare packets of one node.
+    """The rare packets of one object.
 
     Parameters
     ----------
-    node : int
-        Node id.
-    answers : bool
-        Whether flow control may be sent.
+    tally : Tally
+        Where they are counted, but for those delivered.
     """
 
-    def __init__(self, node: int, answers: bool) -> None:
-        self._node = node
-        self._answers = answers
+    def __init__(self, tally: Tally) -> None:
+        self._tally = tally
         self._channels: dict[bool, LongPacketChannel] = {}
         self._pages: list[bytes] = []
         self._reading: tuple[int, int] | None = None
         self._gyro: tuple[int, ...] | None = None
-        self.packets: dict[PacketType, int] = {}
+        self.packets: Counter[PacketType] = Counter()
         """Packets delivered, by type."""
-        self.malformed = self.unknown_types = self.unsupported_versions = self.extended = 0
-        self.host_frames = 0
-        """Frames from a host to this object."""
-
-    @property
-    def long_packet_errors(self) -> int:
-        """ISO-TP receptions and transmissions that failed."""
-        return sum(channel.errors for channel in self._channels.values())
 
     def restart(self) -> None:
         """Forget packets of which a part has come."""
         self._channels.clear()
         self._pages = []
         self._reading = self._gyro = None
-
-    def take_outgoing(self) -> list[CanFrame]:
-        """Return the flow control frames to be sent since the last call."""
-        return [frame for channel in self._channels.values() for frame in channel.take_outgoing()]
 
     def feed(
         self,
@@ -74,13 +60,13 @@ class RareFrames:
         reference: int | None,
         timeline: Timeline,
     ) -> list[Packet | ForeignInfo]:
-        """Take one frame.
+        """Process one frame.
 
         Parameters
         ----------
         function : int
             Bits 5-10 of the arbitration id.
-        record
+        record : numpy.void
             One record of a frame array; its length is right for its function.
         reference : int or None
             Counter of the sample before it.
@@ -96,17 +82,17 @@ class RareFrames:
         kind = function & (_WHOLE - 1)
         is_whole = function >= _WHOLE
         if kind in HOST_FUNCTIONS:
-            self.host_frames += 1
+            self._tally["host_frames"] += 1
             return []
         if kind == CanFunction.LONG_FROM_OBJECT:
-            packets = self._channel(is_whole).feed(data)
+            packets = self._channel(int(record["arbitration_id"]) & NODE_MASK, is_whole).feed(data)
             return [item for packet in packets if (item := self._decode(packet)) is not None]
         item = self._decode(data[1 : 1 + data[0]]) if is_whole else self._classic(kind, data, reference, timeline)
         return [] if item is None else [item]
 
-    def _channel(self, fd: bool) -> LongPacketChannel:
+    def _channel(self, node: int, fd: bool) -> LongPacketChannel:
         if fd not in self._channels:
-            self._channels[fd] = LongPacketChannel(self._node, is_object=False, fd=fd, listens_only=not self._answers)
+            self._channels[fd] = LongPacketChannel(node, is_object=False, fd=fd, listens_only=True, tally=self._tally)
         return self._channels[fd]
 
     def _classic(
@@ -120,7 +106,7 @@ class RareFrames:
         if kind == CanFunction.TIME_REPLY_TRANSMIT:
             reading, self._reading = self._reading, None
             if reading is None or reading[0] != data[0]:
-                self.malformed += 1
+                self._tally["malformed"] += 1
                 return None
             return self._known(PacketType.TIME_REPLY, (*reading, int.from_bytes(data[1:], "little")))
         if kind == CanFunction.RAW_GYRO:
@@ -133,8 +119,8 @@ class RareFrames:
     def _status_page(self, data: bytes) -> Packet | None:
         page = data[0]
         if page != len(self._pages):
-            # A listener that comes in the middle is no fault; a page missing after others is.
-            self.malformed += bool(self._pages)
+            # That a listener comes in the middle is not a fault; that a page is missing after others is.
+            self._tally["malformed"] += bool(self._pages)
             self._pages = [] if page else [data]
             return None
         self._pages.append(data)
@@ -146,7 +132,7 @@ class RareFrames:
     def _raw_imu(self, acceleration: tuple[int, ...], reference: int | None, timeline: Timeline) -> Packet | None:
         gyro, self._gyro = self._gyro, None
         if gyro is None or gyro[0] != acceleration[0]:
-            self.malformed += 1
+            self._tally["malformed"] += 1
             return None
         if reference is None or not timeline.is_known:
             return None
@@ -159,26 +145,16 @@ class RareFrames:
         try:
             packet = FROM_WIRE[packet_type](values)
         except MalformedPacketError:
-            self.malformed += 1
+            self._tally["malformed"] += 1
             return None
-        self.packets[packet_type] = self.packets.get(packet_type, 0) + 1
+        self.packets[packet_type] += 1
         return packet
 
     def _decode(self, data: bytes) -> Packet | ForeignInfo | None:
-        try:
-            packet = codec.decode_packet(data)
-        except MalformedPacketError:
-            self.malformed += 1
+        if data[:1] == _ORIENTATION:  # has frames of its own
+            self._tally["malformed"] += 1
             return None
-        except UnknownPacketTypeError:
-            self.unknown_types += 1
-            return None
-        except UnsupportedVersionError as error:
-            self.unsupported_versions += 1
-            return ForeignInfo(error.protocol_major, error.protocol_minor)
-        if isinstance(packet, Orientation):  # has frames of its own
-            self.malformed += 1
-            return None
-        self.packets[packet.packet_type] = self.packets.get(packet.packet_type, 0) + 1
-        self.extended += codec.is_extended(data)
-        return packet
+        item = decode_counted(data, self._tally)
+        if item is not None and not isinstance(item, ForeignInfo):
+            self.packets[item.packet_type] += 1
+        return item

@@ -1,6 +1,8 @@
-"""What TIME and SAMPLE_STATE frames say about every sample: its device time and its flags."""
+"""Device time and flags of every sample, from TIME and SAMPLE_STATE frames."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,11 +20,24 @@ def unwrapped(counters: npt.NDArray[np.uint32], reference: int) -> IntArray:
     return np.asarray(reference + steps.astype(np.int64))
 
 
+class Newest(NamedTuple):
+    """The newest TIME and SAMPLE_STATE."""
+
+    mark_counter: int
+    """Of TIME, unwrapped."""
+    mark_time_us: int
+    """Device time of that sample, µs."""
+    state_counter: int
+    """Of SAMPLE_STATE, unwrapped."""
+    flags: int
+    rate_hz: int
+
+
 class Timeline:
     """The TIME and SAMPLE_STATE frames of one boot that still matter."""
 
     def __init__(self) -> None:
-        self._newest: tuple[int, int, int, int, int] | None = None
+        self._newest: Newest | None = None
         self._mark_counters = np.empty(0, np.int64)
         self._mark_times_us = np.empty(0, np.int64)
         self._state_counters = np.empty(0, np.int64)
@@ -31,7 +46,7 @@ class Timeline:
 
     @property
     def is_known(self) -> bool:
-        """Whether samples can be given a time and flags: one frame of each kind has come."""
+        """Whether times and flags of samples are known: one frame of each kind has come."""
         return len(self._mark_counters) > 0 and len(self._state_counters) > 0
 
     @property
@@ -40,10 +55,10 @@ class Timeline:
         return 1e9 / float(self._state_rates_hz[-1]) if len(self._state_rates_hz) else float("inf")
 
     @property
-    def newest(self) -> tuple[int, int, int, int, int] | None:
-        """The newest TIME (counter, device time) and SAMPLE_STATE (counter, flags, rate); None before both."""
+    def newest(self) -> Newest | None:
+        """The newest frame of each kind; None before both."""
         if self._newest is None and self.is_known:
-            self._newest = (
+            self._newest = Newest(
                 int(self._mark_counters[-1]),
                 int(self._mark_times_us[-1]),
                 int(self._state_counters[-1]),
@@ -53,7 +68,7 @@ class Timeline:
         return self._newest
 
     def add_marks(self, codes: CodeArray, reference: int) -> IntArray:
-        """Take TIME frames (k,) as u64; return their counters (k,), unwrapped near the reference."""
+        """Enter TIME frames (k,) as u64; return their counters (k,), unwrapped near the reference."""
         self._newest = None
         counters = unwrapped(codes.astype(np.uint32), reference)
         self._mark_counters = np.concatenate([self._mark_counters, counters])
@@ -61,7 +76,7 @@ class Timeline:
         return counters
 
     def add_states(self, codes: CodeArray, reference: int) -> int:
-        """Take SAMPLE_STATE frames (k,) as u64; return how many were impossible and left out."""
+        """Enter SAMPLE_STATE frames (k,) as u64; return how many were impossible and left out."""
         self._newest = None
         rates_hz = (codes >> np.uint64(40) & np.uint64(0xFFFF)).astype(np.int64)
         good = (rates_hz >= MIN_RATE_HZ) & (rates_hz <= MAX_RATE_HZ)
@@ -72,7 +87,7 @@ class Timeline:
         return int(len(good) - good.sum())
 
     def device_times_us(self, counters: IntArray) -> npt.NDArray[np.uint32]:
-        """Return the device time (n,) of samples, u32, wrapped; to be asked only where :attr:`is_known`."""
+        """Return the device time (n,) of samples, u32, wrapped; only where :attr:`is_known`."""
         mark = _last_before(self._mark_counters, counters)
         state = _last_before(self._state_counters, counters)
         times = sample_times_us(
@@ -95,5 +110,5 @@ class Timeline:
 
 
 def _last_before(edges: IntArray, counters: IntArray) -> npt.NDArray[np.intp]:
-    """Index of the last edge at or before each counter; the first edge for those before all."""
+    """Return the index of the last edge at or before each counter; the first edge for those before all."""
     return np.maximum(np.searchsorted(edges, counters, side="right") - 1, 0)

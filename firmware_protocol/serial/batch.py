@@ -1,6 +1,6 @@
-"""Many ORIENTATION frames at once, as numpy arrays: the same answers as one by one, some thirty times as fast.
+"""Many ORIENTATION frames at once, as numpy arrays: the same results as one by one, some thirty times as fast.
 
-A block of bytes is split at its delimiters. The pieces of the commonest length are laid out as columns, one array per
+A block of bytes is split at its delimiters. The pieces of the commonest length become columns, one array per
 byte position, so that COBS and CRC become a few operations per position on all frames together. Whatever is not an
 ORIENTATION frame of that length is handed back for the slow path, with its place among the samples.
 """
@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from firmware_protocol.codec import STREAMED
-from firmware_protocol.items import PieceCounters
+from firmware_protocol.codec import ORIENTATION_DTYPE
 from firmware_protocol.packets import Orientation, OrientationBatch, PacketType
 from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
 from firmware_protocol.serial.framing import CRC_BYTES, CRC_INITIAL
@@ -30,11 +29,13 @@ SAMPLED_EVERY = 31
 """The commonest length is that of every so many pieces; odd, because every other piece is empty, between two zeros."""
 FEW_PACKETS = 3000
 """Up to so many packets a table for their CRC is faster than shifts. Measured."""
-ORIENTATION_BYTES = STREAMED[PacketType.ORIENTATION].size
+ORIENTATION_BYTES = ORIENTATION_DTYPE.itemsize
 SHORTEST_PIECE = ORIENTATION_BYTES + CRC_BYTES + 1
 LONGEST_PIECE = SHORTEST_PIECE + 32
 """ORIENTATION of a newer minor version may be longer; beyond this the frames are read one by one."""
-
+_FIELDS = dict(ORIENTATION_DTYPE.fields or {})
+_SEQUENCE, _TIME, _Q, _FLAGS = (_FIELDS[name][1] for name in ("sequence", "device_time_us", "q", "flags"))
+"""Rows of the columns of a packet at which its fields start."""
 
 _SET_SEQUENCE, _SET_TIME, _SET_QUATS, _SET_FLAGS = (
     vars(OrientationBatch)[name].__set__ for name in ("sequence", "device_time_us", "quats_wxyz", "flags")
@@ -47,7 +48,7 @@ def new_batch(
     quats_wxyz: npt.NDArray[np.float64],
     flags: npt.NDArray[np.uint8],
 ) -> OrientationBatch:
-    """Return the batch of these arrays, without the constructor: a frozen dataclass's takes twice as long.
+    """Return the batch of these arrays, without the constructor: a frozen dataclass's is half as fast.
 
     Live, when each read brings one sample, that is a good part of the sample's cost.
     """
@@ -60,7 +61,7 @@ def new_batch(
 
 
 class SampleArrays:
-    """Growing arrays of samples, allocated once for the most that a stretch of bytes can hold.
+    """Growing arrays of samples, allocated once for the most that so many bytes can hold.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ class SampleArrays:
         self.quats_wxyz = np.empty((capacity, 4), dtype=np.float64)
         self.flags = np.empty(capacity, dtype=np.uint8)
         self.ends = np.empty(capacity, dtype=np.int64) if located else None
-        """Where the delimiter behind each sample stands in the bytes; None where nobody asks."""
+        """Where the delimiter behind each sample stands in the bytes; None where not wanted."""
         self.n = 0
         """Samples held."""
 
@@ -109,17 +110,20 @@ class SampleArrays:
 class BlockReport:
     """What became of one block, apart from the samples."""
 
-    pieces: PieceCounters
-    """Of the whole block, without the pieces in ``others``."""
+    delimiters: int
+    """0x00 bytes."""
+    frames: int
+    """Frames of good samples of the common length."""
+    frame_bytes: int
+    """Bytes inside these frames."""
     extended: int
     """Of the samples, those with fields of a newer minor version."""
     others: list[tuple[int, bytes, int]]
-    """The pieces that are no good sample of the common length, in order: the number of the sample each stands in front
-    of, its bytes, its end."""
+    """All other pieces, in order: the number of the sample each stands in front of, its bytes, its end."""
 
 
 def block_end(pieces: bytes, start: int) -> int:
-    """Return where the block that begins at ``start`` ends: at a delimiter, after some ``BLOCK_BYTES``, or with all."""
+    """Return where the block from ``start`` ends: at a delimiter, after some ``BLOCK_BYTES``, or with all."""
     if len(pieces) - start < 1.5 * BLOCK_BYTES:  # a short rest would cost as many calls as a block
         return len(pieces)
     end = pieces.rfind(b"\0", start, start + BLOCK_BYTES) + 1
@@ -127,7 +131,7 @@ def block_end(pieces: bytes, start: int) -> int:
 
 
 def _columns(block: memoryview, starts: IntArray, length: int) -> ByteArray:
-    """Bytes of n pieces of one length as (length, n)."""
+    """Return the bytes of n pieces of one length as (length, n)."""
     rows = overlapping(block, length)[starts].view(np.uint8).reshape(-1, length)
     return np.ascontiguousarray(rows.T)
 
@@ -135,7 +139,7 @@ def _columns(block: memoryview, starts: IntArray, length: int) -> ByteArray:
 def _uncobs(columns: ByteArray) -> npt.NDArray[np.bool_]:
     """Undo COBS in place on (length, n): the data is in rows 1 and on. Return which pieces were COBS.
 
-    A code says how far the next code is. A code that points past the end leaves the pointer where no row is. So does
+    A code is the distance to the next code. A code that points past the end leaves the pointer where no row is. So does
     one whose sum overflows, because it then points backwards.
     """
     pointer = columns[0].copy()
@@ -150,7 +154,7 @@ def _uncobs(columns: ByteArray) -> npt.NDArray[np.bool_]:
 
 
 def crc_columns(columns: ByteArray) -> tuple[ByteArray, ByteArray]:
-    """CRC-16/CCITT-FALSE of n packets of one length, given as columns (length, n): low and high bytes (n,)."""
+    """Return the CRC-16/CCITT-FALSE of n packets of one length, columns (length, n): low and high bytes (n,)."""
     length, n = columns.shape
     if n <= FEW_PACKETS and length % 2 == 0 and length:
         return _crc_by_words(columns)
@@ -159,7 +163,7 @@ def crc_columns(columns: ByteArray) -> tuple[ByteArray, ByteArray]:
 
 @cache
 def _word_table() -> npt.NDArray[np.uint16]:
-    """CRC register after two more bytes, by the register exclusive-or those bytes."""
+    """Return the CRC register after two more bytes, by the register exclusive-or those bytes."""
     table = np.arange(1 << 16, dtype=np.uint16)
     for _ in range(16):
         table = np.where(table & 0x8000, table << 1 ^ 0x1021, table << 1).astype(np.uint16)
@@ -167,7 +171,7 @@ def _word_table() -> npt.NDArray[np.uint16]:
 
 
 def _crc_by_words(columns: ByteArray) -> tuple[ByteArray, ByteArray]:
-    """Two bytes a step by a table: the fewest numpy calls, which is what a few hundred packets cost."""
+    """Compute two bytes a step by a table: the fewest numpy calls, which is what a few hundred packets cost."""
     words = np.multiply(columns[0::2], 256, dtype=np.uint16)
     np.bitwise_or(words, columns[1::2], out=words)
     table = _word_table()
@@ -178,7 +182,7 @@ def _crc_by_words(columns: ByteArray) -> tuple[ByteArray, ByteArray]:
 
 
 def _crc_by_bytes(columns: ByteArray) -> tuple[ByteArray, ByteArray]:
-    """One step per byte position by shifts alone, no table: the fastest where packets are many.
+    """Compute one step per byte position by shifts alone, no table: the fastest where packets are many.
 
     With x = high ⊕ byte and x ⊕= x >> 4, the new CRC is (low << 8) ⊕ (x << 12) ⊕ (x << 5) ⊕ x. numpy multiplies and
     divides bytes several times as fast as it shifts them.
@@ -209,13 +213,14 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
     block : memoryview
         The bytes of the pieces.
     samples : SampleArrays
-        Takes the samples.
+        Where the samples go.
     offset : int
-        Where the block begins in all bytes; ends are counted from there.
+        Where the block starts in all bytes; ends are counted from there.
     """
     ends = np.flatnonzero(np.frombuffer(block, dtype=np.uint8) == 0)
     lengths = ends.copy()
     lengths[1:] -= ends[:-1] + 1
+    # Only pieces of one length can become columns: the commonest that ORIENTATION can have.
     counts = np.bincount(lengths[::SAMPLED_EVERY], minlength=LONGEST_PIECE + 1)
     length = SHORTEST_PIECE + int(np.argmax(counts[SHORTEST_PIECE : LONGEST_PIECE + 1]))
     grouped = lengths == length
@@ -234,7 +239,7 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
         good = np.flatnonzero(is_sample)
         packets = packets.take(good, axis=1)
         sample_pieces = pieces[good]
-    components = [_int16(packets, row) for row in (7, 9, 11, 13)]
+    components = [_int16(packets, row) for row in range(_Q, _Q + 8, 2)]
     square = _square(components)
     in_range = (square >= Q15_MIN_SQUARE) & (square <= Q15_MAX_SQUARE)
     if not in_range.all():
@@ -244,19 +249,11 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
         components = [component[in_range] for component in components]
 
     first = samples.n
-    n = len(square)
-    last = samples.n = first + n
-    samples.sequence[first:last] = _int16(packets, 1).view(np.uint16)
-    times = samples.device_time_us[first:last].view(np.uint8).reshape(n, 4)
-    for k in range(4):
-        times[:, k] = packets[3 + k]
-    samples.flags[first:last] = packets[15]
+    _append(samples, packets, components, square)
     if samples.ends is not None:
-        np.add(ends[sample_pieces], offset, out=samples.ends[first:last])
-    scale = 1.0 / np.sqrt(square.astype(np.float64))
-    for k in range(4):
-        np.multiply(components[k], scale, out=samples.quats_wxyz[first:last, k])
+        np.add(ends[sample_pieces], offset, out=samples.ends[first : samples.n])
 
+    # All that is not a good sample goes back, with its place: other packets, other lengths, damage.
     left_over = lengths > 0
     left_over[sample_pieces] = False
     other = np.flatnonzero(left_over)
@@ -265,8 +262,28 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
         (position, bytes(block[end - size : end]), end + offset)
         for position, end, size in zip(before.tolist(), ends[other].tolist(), lengths[other].tolist(), strict=True)
     ]
-    counters = PieceCounters(delimiters=len(ends), frames=n, frame_bytes=n * length)
-    return BlockReport(counters, n if length > SHORTEST_PIECE else 0, others)
+    n = len(square)
+    return BlockReport(len(ends), n, n * length, n if length > SHORTEST_PIECE else 0, others)
+
+
+def _append(
+    samples: SampleArrays,
+    packets: ByteArray,
+    components: list[npt.NDArray[np.int16]],
+    square: npt.NDArray[np.uint32],
+) -> None:
+    """Append n samples: packets as columns (16, n), the quaternion's components, the sum of their squares (n,)."""
+    n = len(square)
+    first = samples.n
+    last = samples.n = first + n
+    samples.sequence[first:last] = _int16(packets, _SEQUENCE).view(np.uint16)
+    times = samples.device_time_us[first:last].view(np.uint8).reshape(n, 4)
+    for k in range(4):
+        times[:, k] = packets[_TIME + k]
+    samples.flags[first:last] = packets[_FLAGS]
+    scale = 1.0 / np.sqrt(square.astype(np.float64))
+    for k in range(4):
+        np.multiply(components[k], scale, out=samples.quats_wxyz[first:last, k])
 
 
 def _int16(packets: ByteArray, row: int) -> npt.NDArray[np.int16]:
@@ -277,7 +294,7 @@ def _int16(packets: ByteArray, row: int) -> npt.NDArray[np.int16]:
 
 
 def _square(components: list[npt.NDArray[np.int16]]) -> npt.NDArray[np.uint32]:
-    """Sum of squares, exact: only four times -32768 overflows, to a zero that no norm allows."""
+    """Return the sum of squares, exact: only four times -32768 overflows, to a zero that no norm allows."""
     total = np.zeros(len(components[0]), dtype=np.uint32)
     for component in components:
         wide = component.astype(np.int32)

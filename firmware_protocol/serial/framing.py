@@ -3,7 +3,7 @@
     0x00 | COBS(packet, CRC low byte, CRC high byte) | 0x00
 
 The bytes between two delimiters are a *piece*. A piece with the right checksum is a frame; any other is skipped and
-counted once, by its cause. Every byte fed is accounted for::
+counted once, by its cause. Every byte is accounted for::
 
     bytes  = delimiters + frame_bytes + skipped_bytes + pending_bytes
     pieces = frames + cobs_errors + crc_errors + oversize + partial_starts
@@ -19,7 +19,7 @@ from binascii import crc_hqx
 from cobs import cobs
 
 from firmware_protocol.errors import PacketValueError
-from firmware_protocol.items import FrameCounters, PieceCounters
+from firmware_protocol.items import FrameCounters, Tally
 
 CRC_BYTES = 2
 CRC_INITIAL = 0xFFFF
@@ -61,12 +61,9 @@ class FrameDecoder:
         self._pending = b""
         self._skipping = False  # inside a piece already counted as oversize
         self._at_start = True  # no delimiter met yet
-        self._bytes = 0
-        self._delimiters = 0
-        self._frames = 0
-        self._frame_bytes = 0
-        self._skipped_bytes = 0
-        self._rejected = {"cobs_errors": 0, "crc_errors": 0, "oversize": 0, "partial_starts": 0}
+        # Plain numbers where every frame is counted, a tally for what is rare.
+        self._bytes = self._delimiters = self._frames = self._frame_bytes = 0
+        self._tally: Tally = Tally()
 
     @property
     def at_start(self) -> bool:
@@ -78,27 +75,26 @@ class FrameDecoder:
         """Snapshot of the counters."""
         return FrameCounters(
             bytes=self._bytes,
-            delimiters=self._delimiters,
-            frame_bytes=self._frame_bytes,
-            skipped_bytes=self._skipped_bytes,
             pending_bytes=len(self._pending),
+            delimiters=self._delimiters,
             frames=self._frames,
-            **self._rejected,
+            frame_bytes=self._frame_bytes,
+            **self._tally,
         )
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take what one read returned; return the packets of the frames that it completed."""
+        """Process what one read returned; return the packets of the frames that it completed."""
         return [packet for packet in self.unframe(self.complete(data)) if isinstance(packet, bytes)]
 
     def restart(self) -> None:
-        """Forget the piece begun: the link was cut and opened again. The counters go on."""
-        self._skipped_bytes += len(self._pending)
+        """Forget the piece that has started: the link was cut and opened again. The counters go on."""
+        self._tally["skipped_bytes"] += len(self._pending)
         self._pending = b""
         self._skipping = False
         self._at_start = True
 
     def complete(self, data: bytes) -> bytes:
-        """Take what one read returned; return all pieces now complete, each with the delimiter that ends it.
+        """Process what one read returned; return all pieces now complete, each with the delimiter that ends it.
 
         The first half of :meth:`feed`. What it returns goes to :meth:`unframe` before the next call.
         """
@@ -106,33 +102,33 @@ class FrameDecoder:
         data = bytes(data)
         if not self._pending and not self._skipping and data[-1:] == b"\0":
             return data  # by far the commonest: reads end where frames do
-        if self._skipping:
+        if self._skipping:  # the rest of an oversize piece, up to its delimiter
             end = data.find(b"\0")
             if end < 0:
-                self._skipped_bytes += len(data)
+                self._tally["skipped_bytes"] += len(data)
                 return b""
-            self._skipped_bytes += end
+            self._tally["skipped_bytes"] += end
             self._skipping = False
             data = data[end:]
         if self._pending:
             data = self._pending + data
         end = data.rfind(b"\0") + 1
         self._pending = data[end:]
-        if len(self._pending) > MAX_PIECE_BYTES:
+        if len(self._pending) > MAX_PIECE_BYTES:  # cannot become a frame: dropped now, so that memory stays bounded
             self._reject("oversize", len(self._pending), at_start=self._at_start and end == 0)
             self._pending = b""
             self._skipping = True
         return data[:end]
 
     def offset_of_next(self, data: bytes) -> int:
-        """Return where in ``data`` what :meth:`complete` will return begins; negative if it came before."""
+        """Return where in ``data`` what :meth:`complete` will return starts; negative if it came before."""
         return max(data.find(b"\0"), 0) if self._skipping else -len(self._pending)
 
     def unframe(self, pieces: bytes) -> list[bytes | int]:
-        """Return the packets in pieces that each end in a delimiter, as :meth:`complete` gave them.
+        """Return the packets in pieces that each end in a delimiter, as :meth:`complete` returned them.
 
-        A damaged piece gives its length instead. The rest of a frame begun before, and what is longer than any frame,
-        is none.
+        Of a damaged piece the length is returned instead; of the rest of a frame that started before the link was
+        opened, and of what is longer than any frame, nothing.
         """
         runs = pieces.split(b"\0")
         self._delimiters += len(runs) - 1
@@ -166,19 +162,16 @@ class FrameDecoder:
         self._frame_bytes += size
         return packet
 
-    def count(self, counters: PieceCounters) -> None:
-        """Count pieces that were decoded elsewhere, many at once."""
-        self._delimiters += counters.delimiters
-        self._frames += counters.frames
-        self._frame_bytes += counters.frame_bytes
-        self._skipped_bytes += counters.skipped_bytes
-        self._rejected["cobs_errors"] += counters.cobs_errors
-        self._rejected["crc_errors"] += counters.crc_errors
+    def count(self, delimiters: int, frames: int, frame_bytes: int) -> None:
+        """Count frames that were decoded elsewhere, many at once."""
+        self._delimiters += delimiters
+        self._frames += frames
+        self._frame_bytes += frame_bytes
 
     def open_lone(self, pieces: bytes) -> bytes | None:
-        """Return the packet where :meth:`complete` gave one good frame and delimiters around it, as live reads do.
+        """Return the packet where :meth:`complete` returned one good frame and delimiters around it, as live reads do.
 
-        None, and nothing counted, for anything else: then :meth:`unframe` takes it.
+        None, and nothing counted, for anything else, which is for :meth:`unframe`.
         """
         piece = pieces.strip(b"\0")
         size = len(piece)
@@ -191,12 +184,10 @@ class FrameDecoder:
         packet: bytes = data[:-CRC_BYTES]
         if crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
             return None
-        self._delimiters += len(pieces) - size
-        self._frames += 1
-        self._frame_bytes += size
+        self.count(len(pieces) - size, 1, size)
         self._at_start = False
         return packet
 
     def _reject(self, cause: str, size: int, *, at_start: bool) -> None:
-        self._rejected["partial_starts" if at_start else cause] += 1
-        self._skipped_bytes += size
+        self._tally["partial_starts" if at_start else cause] += 1
+        self._tally["skipped_bytes"] += size

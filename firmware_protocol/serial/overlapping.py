@@ -1,4 +1,4 @@
-"""Bytes seen as records that begin at every byte: the way to copy many records that lie anywhere in a few calls."""
+"""Bytes seen as records that start at every byte: copies many records that lie anywhere in a few calls."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ import numpy.typing as npt
 
 
 def overlapping(data: memoryview, length: int) -> npt.NDArray[np.void]:
-    """See bytes as records of ``length`` that begin at every byte: indexing it copies each record in one go."""
+    """Return bytes as records of ``length`` that start at every byte: indexing it copies each record in one go."""
     return np.ndarray((max(len(data) - length + 1, 0),), f"V{length}", data, strides=(1,))

@@ -1,7 +1,7 @@
 """Golden vectors of the serial protocol: bytes and what they mean, good and bad, in ``serial.json``.
 
 They are for whoever writes another end of the wire: firmware first of all. Every vector is also a test of this package.
-``python -m firmware_protocol.vectors`` writes the file anew; the difference is to be read like any change of the
+``python -m firmware_protocol.vectors`` writes the file again; the difference is to be read like any change of the
 protocol. A vector is never changed while the major version stays; new ones are added.
 """
 

@@ -1,7 +1,7 @@
 """Links as chunks: the only place of the host that meets drivers.
 
 A transport is found by the scheme of its URI and imported when it is opened, so that a missing driver of one kind never
-stands in the way of another. To add a kind of link, write a module with ``open_transport(uri: LinkUri) -> Transport``
+blocks another. To add a kind of link, write a module with ``open_transport(uri: LinkUri) -> Transport``
 and name it in :data:`SCHEMES`.
 """
 
@@ -34,7 +34,7 @@ def open_transport(uri: LinkUri | str) -> Transport:
     UsageError
         There is no such kind of link.
     LinkError, FileError
-        It cannot be opened; says why and what to do.
+        It cannot be opened; the message has the reason and a remedy.
     """
     if isinstance(uri, str):
         uri = parse_link_uri(uri)

@@ -18,19 +18,18 @@ from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
-from firmware_protocol.packets import Command
 from host.errors import FileError, LinkLostError
-from host.links.transport import AnyChunk, ClosingTransport, FrameChunk, LinkEnd, Transport
+from host.links.transport import AnyChunk, FrameChunk, LinkEnd, Transport, TransportAround
 from host.text import plain
 
 MAX_LOG_BYTES = 512 * 2**20
 """A log does not grow beyond this: it would fill the disk the recording needs."""
 
 
-class LinkLog(ClosingTransport):
+class LinkLog(TransportAround):
     """A transport that writes down what crosses the one inside it.
 
-    A log that cannot be written any more is given up, and the capture goes on.
+    A log that cannot be written any more ends, and the capture goes on.
 
     Parameters
     ----------
@@ -69,23 +68,9 @@ class LinkLog(ClosingTransport):
         self._write_line(f"# {plain(self.name)}, times in seconds of the monotonic clock since {date}")
 
     @property
-    def connected(self) -> bool:
-        """Whether the link is open now."""
-        return bool(getattr(self._inner, "connected", True))
-
-    @property
-    def node(self) -> int | None:
-        """Node id of the object on a bus."""
-        return self._inner.node
-
-    @property
     def problems(self) -> tuple[str, ...]:
-        """What the link has to tell, and why its log has ended."""
+        """Those of the link, and why its log has ended."""
         return (*self._inner.problems, *(() if self._problem is None else (self._problem,)))
-
-    def encode_command(self, command: Command) -> bytes:
-        """Make of a command what :meth:`write` takes."""
-        return self._inner.encode_command(command)
 
     def read(self, timeout_s: float) -> AnyChunk | None:
         """Wait for the next chunk and write it down."""
@@ -116,7 +101,7 @@ class LinkLog(ClosingTransport):
         self._inner.write(data)
 
     def close(self) -> None:
-        """Give the link back and close the log."""
+        """Close the link and the log."""
         self._inner.close()
         with self._lock:
             self._file.close()

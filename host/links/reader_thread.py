@@ -2,7 +2,7 @@
 
 Waking it costs some 50 us whatever is read then. So where several links share a processor it is given a pause: what
 comes meanwhile is read in one go. The estimate of an object's clock lives on samples that are stamped right as they
-come, so after each pause the thread waits for one more, and stamps all by that.
+arrive, so after each pause the thread waits for one more, and stamps all by that.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from host.links.transport import AnyChunk, FrameChunk, LinkEnd, Transport, joine
 READ_TIMEOUT_S = 0.05
 """How long one read waits: also how soon a stop is noticed."""
 GATHER_S = 0.005
-"""Chunks of a live link are taken at most so often. Waking at 1 kHz for each costs as much as all that is done with it;
-the time of reception is stamped where the link is read, so nothing is known later."""
+"""Chunks of a live link are returned at most so often. Waking at 1 kHz for each costs as much as all that is done with
+it; the time of reception is stamped where the link is read, so nothing is known later."""
 MAX_QUEUED_CHUNKS = 65536
 """A minute of 1 kHz chunks: beyond it the newest are counted and dropped, for waiting would lose them in the driver."""
 
@@ -26,8 +26,8 @@ MAX_QUEUED_CHUNKS = 65536
 class ReaderThread:
     """Reads a transport in a thread of its own and closes it there.
 
-    On a live link the thread never waits for whoever takes the chunks: a full queue drops the newest chunk and counts
-    it. A replay can wait, so it does and loses nothing.
+    On a live link the thread never waits for whoever processes the chunks: a full queue drops the newest chunk and
+    counts it. A replay can wait, so it does and loses nothing.
 
     Parameters
     ----------
@@ -59,20 +59,20 @@ class ReaderThread:
 
     @property
     def ended(self) -> bool:
-        """Whether the link is over and every chunk of it was taken."""
+        """Whether the link is over and every chunk of it was returned."""
         return self._ended and not self._chunks
 
     @property
     def overflow_chunks(self) -> int:
-        """Chunks dropped because nobody took them."""
+        """Chunks dropped because the queue was full."""
         return self._overflow_chunks
 
     def start(self) -> None:
-        """Begin to read."""
+        """Start to read."""
         self._thread.start()
 
     def take(self, timeout_s: float) -> list[AnyChunk]:
-        """Wait for chunks, at most ``timeout_s``, and take all that are there; empty when none came.
+        """Wait for chunks, at most ``timeout_s``, and return all that are there; empty when none came.
 
         On a live link that delivers many, calls come back at most every :data:`GATHER_S`, or once a pause.
         """
@@ -89,7 +89,7 @@ class ReaderThread:
         return chunks
 
     def stop(self, timeout_s: float = 2.0) -> bool:
-        """Ask the thread to end and wait for it; chunks already read stay to be taken.
+        """Ask the thread to end and wait for it; chunks already read can still be taken.
 
         Returns
         -------
@@ -115,7 +115,7 @@ class ReaderThread:
             pass
         except HostError as error:
             self._error = error
-        except Exception as error:  # noqa: BLE001 - a thread must not die without a word
+        except Exception as error:  # noqa: BLE001 - a thread must not die in silence
             self._error = LinkLostError(f"{self._transport.name} failed ({type(error).__name__}: {error})")
             self._error.__cause__ = error
         finally:

@@ -11,20 +11,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from firmware_protocol.packets import Command
 from host.errors import HostError, LinkLostError
-from host.links.transport import AnyChunk, Chunk, ClosingTransport, Transport
+from host.links.transport import AnyChunk, Chunk, Transport, TransportAround
 
 FIRST_PAUSE_S = 0.02
 LONGEST_PAUSE_S = 0.25
 """A port that is back is found within this, plus the time its opening takes."""
 
 
-class ReconnectingTransport(ClosingTransport):
+class ReconnectingTransport(TransportAround):
     """A live transport that is opened again when it is lost.
 
     It belongs to its reader like any other: reading, closing and opening happen in the reading thread. What is written
-    while the link is away goes nowhere: whoever asks an object something asks again.
+    while the link is away goes nowhere: commands are repeated.
 
     Parameters
     ----------
@@ -40,8 +39,6 @@ class ReconnectingTransport(ClosingTransport):
     HostError
         The link cannot be opened now: what was never there is not waited for.
     """
-
-    is_live = True
 
     def __init__(
         self,
@@ -70,26 +67,12 @@ class ReconnectingTransport(ClosingTransport):
         return self._away is None
 
     @property
-    def node(self) -> int | None:
-        """Node id of the object on a bus."""
-        return self._inner.node
-
-    @property
-    def interface_name(self) -> str:
-        """What the CAN interface calls itself; empty on other links."""
-        return str(getattr(self._inner, "interface_name", ""))
-
-    @property
     def problems(self) -> tuple[str, ...]:
-        """What the link itself has to tell, and that it is away."""
+        """Those of the link itself, and that it is away."""
         away = self._away
         if away is None:
             return self._inner.problems
         return (*self._inner.problems, f"{away.message}; it is opened again when it is back")
-
-    def encode_command(self, command: Command) -> bytes:
-        """Make of a command what :meth:`write` takes."""
-        return self._inner.encode_command(command)
 
     def read(self, timeout_s: float) -> AnyChunk | None:
         """Wait for the next chunk; an empty one when the link is open again.
@@ -114,7 +97,7 @@ class ReconnectingTransport(ClosingTransport):
             return None
 
     def write(self, data: bytes) -> None:
-        """Send bytes, if the link is there; that it is not is for the reader to find."""
+        """Send bytes, if the link is there; the reader finds where it is not."""
         if self._away is None:
             try:
                 self._inner.write(data)
@@ -123,7 +106,7 @@ class ReconnectingTransport(ClosingTransport):
                     raise
 
     def close(self) -> None:
-        """Give the link back, and try no more."""
+        """Close the link, and try no more."""
         self._closed = True
         self._inner.close()
 

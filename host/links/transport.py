@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self, TypeAlias
+from typing import TYPE_CHECKING, Self, TypeAlias
 
 if TYPE_CHECKING:
     from firmware_protocol.can.frames import CanFrame
@@ -18,8 +18,8 @@ MAX_CHUNK_BYTES = 65536
 class Chunk:
     """Whatever one read of a byte link returned.
 
-    An empty one says that the link was lost and is open again: whatever began before is over. It is recorded like any
-    other, so that a recording tells of it.
+    An empty one marks that the link was lost and is open again: whatever started before is over. It is recorded like
+    any other, so that a recording shows it.
     """
 
     data: bytes
@@ -35,13 +35,13 @@ class Chunk:
 class FrameChunk(Chunk):
     """Whatever one read of a CAN link returned: ``data`` is a frame batch (:mod:`firmware_protocol.can.frames`).
 
-    The frames stand in order of reception, each with its own host time and the interface's raw time stamp;
+    The frames are in order of reception, each with its own host time and the interface's raw time stamp;
     ``host_time_ns`` is that of the last. A recording keeps the bytes as they are.
     """
 
     @property
     def frames(self) -> list[CanFrame]:
-        """The frames one by one; slow, for the few."""
+        """The frames one by one; slow, for a few."""
         from firmware_protocol.can.frames import unpack_frames
 
         return unpack_frames(self.data)
@@ -54,17 +54,44 @@ class LinkEnd(Exception):  # noqa: N818 - not an error: a replay has an end, a l
     """The link has delivered everything it will ever deliver."""
 
 
-class Transport(Protocol):
-    """An open link. ``read`` and ``close`` belong to one thread, ``write`` may come from another."""
+class Transport(ABC):
+    """An open link, closed where its ``with`` block ends.
+
+    ``read`` and ``close`` belong to one thread, ``write`` may come from another.
+    """
+
+    name: str
+    """The link as a person would name it: its URI."""
+    is_live: bool = True
+    """Whether somebody may answer; False for a replay."""
 
     @property
-    def name(self) -> str:
-        """The link as a person would name it: its URI."""
+    def connected(self) -> bool:
+        """Whether the link is open now; a link that is opened again by itself may be lost for a while."""
+        return True
 
     @property
-    def is_live(self) -> bool:
-        """Whether somebody may answer; False for a replay."""
+    def node(self) -> int | None:
+        """Node id of the object on a bus; None on a link of one object, and while none is known."""
+        return None
 
+    @property
+    def interface_name(self) -> str:
+        """What a CAN interface calls itself; empty on other links."""
+        return ""
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What a person should know of the link, a sentence each; only ever grows."""
+        return ()
+
+    def encode_command(self, command: Command) -> bytes:
+        """Return what :meth:`write` sends for a command: the frame of a serial link, the bare packet on CAN."""
+        from firmware_protocol.serial.decoder import encode_command
+
+        return encode_command(command)
+
+    @abstractmethod
     def read(self, timeout_s: float) -> AnyChunk | None:
         """Wait for the next chunk, at most ``timeout_s``; None when nothing came.
 
@@ -76,70 +103,54 @@ class Transport(Protocol):
             The link is gone.
         """
 
-    @property
-    def node(self) -> int | None:
-        """Node id of the object on a bus; None on a link of one object, and while none is known."""
-
-    @property
-    def problems(self) -> tuple[str, ...]:
-        """What a person should know of the link, a sentence each; only ever grows."""
-
-    def encode_command(self, command: Command) -> bytes:
-        """Make of a command what :meth:`write` takes: the frame of a serial link, the bare packet on CAN."""
-
+    @abstractmethod
     def write(self, data: bytes) -> None:
         """Send an encoded command.
 
         Raises
         ------
         LinkLostError
-            The link is gone or does not take them within a second.
+            The link is gone or does not accept it within a second.
         """
 
+    @abstractmethod
     def close(self) -> None:
-        """Give the link back; never raises, may be called twice."""
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
-
-
-class ClosingTransport:
-    """What transports have in common: leaving one closes the link, and commands go as frames of a serial link."""
-
-    @property
-    def node(self) -> int | None:
-        """No node id: one object."""
-        return None
-
-    @property
-    def problems(self) -> tuple[str, ...]:
-        """Nothing to tell."""
-        return ()
-
-    def encode_command(self, command: Command) -> bytes:
-        """Frame a command for a serial link."""
-        from firmware_protocol.serial.decoder import encode_command
-
-        return encode_command(command)
-
-    def close(self) -> None:
-        """Give the link back."""
-        raise NotImplementedError
+        """Close the link; never raises, may be called twice."""
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
+class TransportAround(Transport):
+    """A transport that adds something to the one inside it."""
+
+    _inner: Transport
+
+    @property
+    def connected(self) -> bool:
+        """That of the transport inside."""
+        return self._inner.connected
+
+    @property
+    def node(self) -> int | None:
+        """That of the transport inside."""
+        return self._inner.node
+
+    @property
+    def interface_name(self) -> str:
+        """That of the transport inside."""
+        return self._inner.interface_name
+
+    def encode_command(self, command: Command) -> bytes:
+        """Return what the transport inside sends for a command."""
+        return self._inner.encode_command(command)
+
+
 def joined(chunks: list[AnyChunk]) -> AnyChunk:
-    """Make one chunk of several of a kind; it was received when the last of them was."""
+    """Return several chunks of a kind as one; it was received when the last of them was."""
     if len(chunks) == 1:
         return chunks[0]
     return type(chunks[0])(b"".join(chunk.data for chunk in chunks), chunks[-1].host_time_ns)

@@ -14,21 +14,21 @@ EXAMPLES = "serial:/dev/ttyACM0, serial:COM3, serial:socket://127.0.0.1:5000, ca
 
 @dataclass(frozen=True, slots=True)
 class LinkUri:
-    """A link, taken apart."""
+    """A link, parsed."""
 
     scheme: str
     """Which transport: ``serial``, ``can``, ``replay``."""
     target: str
     """What to open: a device path, a URL pyserial knows, ``INTERFACE:CHANNEL``, a file."""
     options: dict[str, str] = field(default_factory=dict)
-    """What stands after ``?``."""
+    """What follows ``?``."""
 
     def __str__(self) -> str:
         query = "&".join(f"{key}={value}" for key, value in self.options.items())
         return f"{self.scheme}:{self.target}" + (f"?{query}" if query else "")
 
     def integer(self, name: str, default: int, minimum: int, maximum: int) -> int:
-        """Read one option as a whole number.
+        """Return one option as a whole number.
 
         Raises
         ------
@@ -64,7 +64,7 @@ class LinkUri:
 
 
 def parse_link_uri(text: str) -> LinkUri:
-    """Take a link apart; a bare device path, COM port or pyserial URL means ``serial:``, a ``.mcap`` file ``replay:``.
+    """Parse a link; a bare device path, COM port or pyserial URL means ``serial:``, a ``.mcap`` file ``replay:``.
 
     Raises
     ------

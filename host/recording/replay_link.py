@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from host.errors import UsageError
-from host.links.transport import AnyChunk, ClosingTransport, LinkEnd
+from host.links.transport import AnyChunk, LinkEnd, Transport
 from host.links.uri import LinkUri
 from host.recording.reader import RecordingReader
 
@@ -33,7 +33,7 @@ def open_transport(uri: LinkUri) -> ReplayTransport:
     return ReplayTransport(Path(uri.target), speed)
 
 
-class ReplayTransport(ClosingTransport):
+class ReplayTransport(Transport):
     """Delivers a recording's raw chunks; what is written to it goes nowhere.
 
     Parameters

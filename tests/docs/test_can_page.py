@@ -93,7 +93,7 @@ def test_candump_lines_are_recognised() -> None:
 def test_the_sentences_of_the_page_are_those_of_the_code() -> None:
     root = Path(__file__).resolve().parents[2]
     sources = [*root.glob("host/links/can/*.py"), *root.glob("host/stream/*.py")]
-    code = "\n".join(path.read_text() for path in [*sources, root / "firmware_protocol/can/node_decoder.py"])
+    code = "\n".join(path.read_text() for path in [*sources, root / "firmware_protocol/can/decoder.py"])
     code = re.sub(r'"\s*f?"', "", code)
     rows = re.findall(r"^\| (\*.*?\*) \|", PAGE, re.MULTILINE)
     assert len(rows) > 8

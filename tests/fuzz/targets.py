@@ -90,13 +90,12 @@ def can(data: bytes) -> None:
         at += 3 + length
     if not frames:
         return
-    decoder, assembler = CanStreamDecoder(answers=True), SampleAssembler()
+    decoder, assembler = CanStreamDecoder(), SampleAssembler()
     for start in range(0, len(frames), 7):
         items = decoder.feed(pack_frames(frames[start : start + 7]))
         assembler.damaged(decoder.take_damage())
         assembler.feed(items, 10_000_000 * start)
     assembler.feed(decoder.flush(), 10_000_000 * len(frames))
-    assert len(decoder.take_outgoing()) <= len(frames)
     check_ledger(assembler.losses())
 
 

@@ -155,7 +155,7 @@ def test_other_files_are_no_can_logs(tmp_path: Path) -> None:
         path = tmp_path / name
         path.write_bytes(content)
         assert can_log_kind(path) is None
-        with pytest.raises(FileError, match="no CAN log"):
+        with pytest.raises(FileError, match="not a CAN log"):
             read_can_log(path)
     assert can_log_kind(tmp_path / "nothing") is None
 

@@ -17,6 +17,7 @@ from emulator.runner import run
 from emulator.scenario import load_scenario
 from firmware_protocol import packets as p
 from firmware_protocol.serial.decoder import StreamDecoder
+from tests.sequence_oracle import counted
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are a thing of Unix")
 
@@ -107,6 +108,6 @@ def test_a_delivery_interval_makes_bunches(tmp_path):
     with running(scenario, tmp_path / "object") as (_, truth):
         reader = Reader(tmp_path / "object").read_until(lambda r: r.count(p.PacketType.ORIENTATION) >= 200)
         assert max(reader.sizes) >= 10 * 22  # about 20 samples of 22 bytes each time
-        assert reader.decoder.counters.sequence_gaps == 0
+        assert counted(reader.items)["sequence_gaps"] == 0
         reader.port.close()
     assert truth["sent"]["ORIENTATION"] >= 200

@@ -130,7 +130,7 @@ class CanBus(RuleBasedStateMachine):
     @initialize(seed=st.integers(0, 5))
     def begin(self, seed):
         self.frames = timed(object_at(), sample_packets(200, first=seed * 97), period_ns=1_000_000)
-        self.decoder = CanStreamDecoder(answers=True)
+        self.decoder = CanStreamDecoder()
         self.assembler = SampleAssembler()
         self.at = 0
         self.fed = 0
@@ -175,7 +175,6 @@ class CanBus(RuleBasedStateMachine):
         self.fed += len(frames)
         for block in self.assembler.feed(items, 10**9 + self.at * 10**6):
             assert np.abs(np.linalg.norm(block.quats_wxyz, axis=1) - 1).max() < 1e-9
-        assert len(self.decoder.take_outgoing()) <= len(frames)
 
     @invariant()
     def everything_is_accounted_for(self):

@@ -3,12 +3,10 @@
 import itertools
 import random
 
-import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from firmware_protocol.sequence import SequenceTracker
 from firmware_protocol.serial import batch
 from firmware_protocol.serial import decoder as stream
 from firmware_protocol.serial.framing import MAX_PIECE_BYTES
@@ -17,7 +15,6 @@ from tests.wire_streams import (
     assert_same,
     decode_fast,
     decode_slowly,
-    follow_slowly,
     frame,
     odd_frames,
     orientation,
@@ -149,23 +146,3 @@ def test_a_frame_with_its_own_delimiters_is_received_whatever_happens_around_it(
     chunks = data.draw(st.lists(st.integers(0, len(content)), max_size=5))
     received = {item[1] for item in decode_fast(content, chunks).items if isinstance(item, tuple)}
     assert set(range(len(frames))) - hit <= received
-
-
-@given(
-    steps=st.lists(
-        st.one_of(st.just(1), st.integers(-5, 5), st.integers(-400, 400), st.integers(-40000, 40000)), max_size=200
-    ),
-    start=st.integers(0, 65535),
-    data=st.data(),
-)
-@steady
-def test_sequence_counters_equal_those_of_unbounded_memory(steps, start, data):
-    sequences = ((start + np.cumsum([0, *steps])) % 65536).tolist()
-    expected = {name: n for name, n in follow_slowly(sequences).items() if n}
-    edges = sorted(data.draw(st.lists(st.integers(0, len(sequences)), max_size=4)))
-    one_by_one, arrays = SequenceTracker(), SequenceTracker()
-    one_by_one.feed(sequences)
-    for part in np.split(np.array(sequences, dtype=np.uint16), edges):
-        arrays.feed_array(part)
-    for tracker in (one_by_one, arrays):
-        assert {name: n for name, n in vars(tracker.counters).items() if n} == expected

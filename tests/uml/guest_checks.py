@@ -85,7 +85,6 @@ def capture(address: str, n: int = 200, uri: str | None = None) -> None:
 
 def check_whole(got) -> None:
     counters = got.link.counters
-    assert counters.samples_lost == 0, counters
     assert counters.malformed == counters.wrong_lengths == counters.long_packet_errors == 0, counters
     sequence = joined(got.items).sequence
     assert np.array_equal(np.diff(sequence), np.ones(len(sequence) - 1))

@@ -11,12 +11,13 @@ import pytest
 from emulator import ScenarioError
 from emulator.faults.definitions import FaultSettings, TimedFault, parse_fault_command
 from emulator.injection import FaultInjector
-from emulator.links.memory_link import MemoryLink
 from emulator.runner import run
 from emulator.scenario import load_scenario
 from emulator.virtual_object import VirtualObject
 from firmware_protocol import packets as p
 from firmware_protocol.serial.decoder import StreamDecoder
+from tests.memory_link import MemoryLink
+from tests.sequence_oracle import counted
 
 IDEAL = load_scenario("ideal")
 
@@ -48,19 +49,19 @@ def test_without_faults_everything_sent_arrives():
 
 
 def test_dropped_frames_are_exactly_the_missing_ones():
-    truth, counters, items = run_with(FaultSettings(drop_probability=0.05))
+    truth, _, items = run_with(FaultSettings(drop_probability=0.05))
     dropped = {entry["sequence"] for entry in entries(truth, "drop")}
     assert len(dropped) == truth["fault_counts"]["drop"] == pytest.approx(260, rel=0.25)
     assert set(range(truth["device"]["samples_produced"])) - set(samples(items)) == dropped
-    assert counters.samples_lost == len([s for s in dropped if s < max(samples(items))])
+    assert counted(items)["samples_lost"] == len([s for s in dropped if s < max(samples(items))])
 
 
 def test_duplicates_and_reordering_are_counted_as_such():
-    truth, counters, items = run_with(FaultSettings(duplicate_probability=0.02, reorder_probability=0.02))
+    truth, _, items = run_with(FaultSettings(duplicate_probability=0.02, reorder_probability=0.02))
     twice = [sequence for sequence, n in Counter(samples(items)).items() if n == 2]
     assert sorted(twice) == sorted(entry["sequence"] for entry in entries(truth, "duplicate"))
-    assert counters.duplicates == truth["fault_counts"]["duplicate"] > 50
-    assert counters.reordered == truth["fault_counts"]["reorder"] > 50
+    assert counted(items)["duplicates"] == truth["fault_counts"]["duplicate"] > 50
+    assert counted(items)["reordered"] == truth["fault_counts"]["reorder"] > 50
     assert set(samples(items)) == set(range(truth["device"]["samples_produced"]))
 
 
@@ -127,24 +128,24 @@ def test_rates_act_between_their_times_only():
 
 
 def test_a_stall_lets_the_object_drop_and_count():
-    truth, counters, items = run_with(FaultSettings(at=(TimedFault("stall", at_s=10.0, for_s=10.0),)))
+    truth, _, items = run_with(FaultSettings(at=(TimedFault("stall", at_s=10.0, for_s=10.0),)))
     assert entries(truth, "stall") == [{"kind": "stall", "time_s": 10.0, "count": 1, "for_s": 10.0}]
     statuses = [item for item in items if isinstance(item, p.Status)]
-    assert statuses[-1].samples_dropped == truth["device"]["samples_dropped"] == counters.samples_lost
-    assert 600 < counters.samples_lost < 1000
+    assert statuses[-1].samples_dropped == truth["device"]["samples_dropped"] == counted(items)["samples_lost"]
+    assert 600 < counted(items)["samples_lost"] < 1000
 
 
 def test_unplugging_loses_what_was_sent_meanwhile():
-    truth, counters, items = run_with(FaultSettings(at=(TimedFault("unplug", at_s=10.0, for_s=2.0),)))
+    truth, _, items = run_with(FaultSettings(at=(TimedFault("unplug", at_s=10.0, for_s=2.0),)))
     missing = sorted(set(range(truth["device"]["samples_produced"])) - set(samples(items)))
     assert missing == list(range(1000, 1200))
-    assert counters.samples_lost == 200
+    assert counted(items)["samples_lost"] == 200
 
 
 def test_overlapping_unplugs_count_as_one_until_the_last_ends():
     faults = FaultSettings(at=(TimedFault("unplug", at_s=10.0, for_s=2.0), TimedFault("unplug", at_s=11.0, for_s=3.0)))
-    _, counters, _ = run_with(faults)
-    assert counters.samples_lost == 400
+    _, _, items = run_with(faults)
+    assert counted(items)["samples_lost"] == 400
 
 
 def test_a_reset_starts_again_from_nothing():
@@ -181,9 +182,9 @@ def test_a_clock_step_shows_once_in_the_device_times():
 
 
 def test_a_flood_is_ten_times_the_rate_for_its_time():
-    truth, counters, items = run_with(FaultSettings(at=(TimedFault("flood", at_s=10.0, for_s=2.0, factor=10.0),)))
+    truth, _, items = run_with(FaultSettings(at=(TimedFault("flood", at_s=10.0, for_s=2.0, factor=10.0),)))
     assert truth["device"]["samples_produced"] == 5200 + 2 * 900
-    assert counters.samples_lost == 0
+    assert counted(items)["samples_lost"] == 0
     assert [item.rate_hz for item in items if isinstance(item, p.Info)] == [100]
 
 

@@ -9,12 +9,12 @@ import pytest
 
 from emulator.device.imu_model import Readings
 from emulator.device.sample_stream import pack_orientations, pack_raw_imu
-from emulator.links.memory_link import MemoryLink
 from emulator.scenario import Scenario, load_scenario
 from emulator.virtual_object import VirtualObject
 from firmware_protocol import packets as p
 from firmware_protocol.codec import decode_packet, encode_packet
 from firmware_protocol.serial.decoder import StreamDecoder
+from tests.memory_link import MemoryLink
 
 
 class Bench:

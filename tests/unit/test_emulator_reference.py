@@ -3,20 +3,18 @@
 import dataclasses
 import re
 import tomllib
-from pathlib import Path
 
+from docs.emulator_reference import PAGE, fill
 from emulator.faults.definitions import parse_fault_command
 from emulator.links import open_link
-from emulator.reference import fill
 from emulator.scenario import Scenario, load_scenario, scenario_names
 from emulator.settings import read_table
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "emulator.md"
-TEXT = DOCUMENT.read_text()
+TEXT = PAGE.read_text()
 
 
 def test_the_tables_are_those_of_the_code():
-    assert fill(TEXT) == TEXT, "run: python -m emulator.reference docs/emulator.md"
+    assert fill(TEXT) == TEXT, "run: python -m docs.emulator_reference"
 
 
 def test_every_scenario_and_every_key_is_there():

@@ -5,11 +5,11 @@ import time
 from dataclasses import replace
 
 from emulator.device.clock import ClockSettings
-from emulator.links.memory_link import MemoryLink
 from emulator.runner import run
 from emulator.scenario import load_scenario
 from firmware_protocol.packets import TimeReply, TimeRequest
 from firmware_protocol.serial.decoder import StreamDecoder
+from tests.memory_link import MemoryLink
 
 SLOW_READ_S = 0.05
 

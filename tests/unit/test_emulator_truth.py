@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from emulator.links.memory_link import MemoryLink
 from emulator.runner import run
 from emulator.scenario import load_scenario, scenario_names
 from emulator.truth import mean_drift, step_angles_deg, write_truth
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.packets import Start
 from firmware_protocol.serial.decoder import OrientationBatch, StreamDecoder
+from tests.memory_link import MemoryLink
 
 
 def as_rotation(quats_wxyz):

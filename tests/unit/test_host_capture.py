@@ -10,7 +10,6 @@ from datetime import datetime
 
 import pytest
 
-from emulator.links.memory_link import MemoryLink
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Ack, AckCode, GetInfo, Info
@@ -20,7 +19,6 @@ from host.capture import run as capture_run
 from host.capture.loop import Capture
 from host.capture.settings import CaptureSettings
 from host.errors import FileError, LinkError, LinkLostError, NoAnswerError, WrongObjectError
-from host.links.memory import MemoryTransport
 from host.links.transport import Chunk
 from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
@@ -28,6 +26,8 @@ from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen
 from host.stream.session import SessionSettings
 from host.trial.live import Trial
+from tests.memory_link import MemoryLink
+from tests.memory_transport import MemoryTransport
 from tests.recorded_trials import scenario, virtual_chunks
 
 QUICK = {"motion": {"cycles": 60, "period_s": 0.5, "swing_deg": 20.0, "lead_in_s": 0.1}}

@@ -6,9 +6,9 @@ from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
 from host.errors import FileError, LinkError, LinkLostError
 from host.links import link_log
 from host.links.link_log import LinkLog
-from host.links.memory import MemoryTransport
 from host.links.reconnecting import ReconnectingTransport
 from host.links.transport import Chunk, FrameChunk, LinkEnd
+from tests.memory_transport import MemoryTransport
 
 MS = 1_000_000
 

@@ -5,9 +5,9 @@ import time
 import pytest
 
 from host.errors import LinkLostError
-from host.links.memory import MemoryTransport
 from host.links.reader_thread import ReaderThread
 from host.links.transport import Chunk, FrameChunk
+from tests.memory_transport import MemoryTransport
 
 
 def collect(reader, until, within_s=5.0):

@@ -6,7 +6,6 @@ import pytest
 from firmware_protocol.packets import Ack, AckCode, Info, OrientationBatch, PacketType, Status
 from firmware_protocol.serial.decoder import StreamDecoder
 from host.errors import LinkError, LinkLostError, WrongObjectError
-from host.links.memory import MemoryTransport
 from host.links.reconnecting import LONGEST_PAUSE_S, ReconnectingTransport
 from host.links.transport import Chunk, joined
 from host.recording.load import assemble
@@ -15,6 +14,7 @@ from host.stream.decoding import Link, grouped
 from host.stream.held_samples import HELD_NS
 from host.stream.samples import SampleAssembler
 from host.stream.session import Phase, Session, SessionSettings
+from tests.memory_transport import MemoryTransport
 from tests.recorded_trials import scenario, virtual_chunks
 
 MS = 1_000_000

@@ -6,6 +6,7 @@ import struct
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from firmware_protocol import codec, schema
@@ -103,6 +104,18 @@ def test_the_fast_layouts_are_the_schema(packet_type):
     pattern = bytes([packet_type]) + bytes((37 * k + 11) % 256 for k in range(1, layout.size))
     assert layout.unpack(pattern)[1:] == schema.parse(pattern)
     assert schema.build(packet_type, schema.parse(pattern)) == pattern
+
+
+def test_the_layout_of_runs_of_samples_is_the_schema():
+    rows = schema.field_rows(PacketType.ORIENTATION)
+    fields = codec.ORIENTATION_DTYPE.fields
+    assert [(row.offset, row.size) for row in rows] == [
+        (offset, dtype.itemsize) for dtype, offset in (fields[name] for name in codec.ORIENTATION_DTYPE.names)
+    ]
+    pattern = bytes([PacketType.ORIENTATION, *range(200, 215)])
+    packet = np.frombuffer(pattern, codec.ORIENTATION_DTYPE)[0]
+    values = (packet["sequence"], packet["device_time_us"], *packet["q"], packet["flags"])
+    assert tuple(int(value) for value in values) == schema.parse(pattern)
 
 
 def test_unknown_numbers_travel_as_nan():

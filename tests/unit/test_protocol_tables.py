@@ -15,6 +15,7 @@ from firmware_protocol.vectors import load_vectors
 from firmware_protocol.vectors.definitions import PACKETS
 from host.links.serial.port import DEFAULT_BAUD
 from host.stream.session import SessionSettings
+from tests.sequence_oracle import LATE_WINDOW
 
 TEXT = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
 BITS = {"u8": 8, "u16": 16, "u32": 32, "u64": 64}
@@ -158,8 +159,6 @@ def test_numbers_in_the_text():
     assert quantization.Q15_MAX_ERROR_DEG <= 0.0035
     assert f"{packets.MIN_RATE_HZ} to {packets.MAX_RATE_HZ}" in TEXT
     assert f"with {DEFAULT_BAUD} baud" in TEXT
-    from firmware_protocol.sequence import LATE_WINDOW
-
     assert f"at most {LATE_WINDOW} behind" in TEXT
     example = codec.encode_packet(packets.Orientation(0, 0, (1.0, 0.0, 0.0, 0.0)))
     assert f"frame has {len(serial_framing.encode_frame(example))} bytes" in TEXT

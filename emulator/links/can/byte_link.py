@@ -13,23 +13,21 @@ from firmware_protocol.can.encoder import CanObject
 from firmware_protocol.can.frames import CanFrame
 from firmware_protocol.packets import PacketType
 
-__all__ = ["Adapter", "CanByteLink"]
-
 
 class Adapter(Protocol):
     """The protocol between an adapter and its host, without I/O."""
 
     greeting: bytes
-    """What the adapter says to a new host unasked."""
+    """What the adapter sends to a new host unasked."""
 
     def hears(self, time_ms: int) -> bool:
-        """Whether the host has opened the channel and frames may be told now."""
+        """Return whether the host has opened the channel and frames may be passed on now."""
 
     def reset(self) -> None:
         """Forget everything: there is a new host."""
 
     def from_bus(self, frame: CanFrame, time_ms: int) -> bytes:
-        """Return what the host is told of a frame."""
+        """Return what the host is sent for a frame."""
 
     def from_host(self, data: bytes) -> tuple[bytes, list[CanFrame]]:
         """Return answers to the host, and frames for the bus."""
@@ -43,7 +41,7 @@ class CanByteLink(ByteLink):
     frame_tamper
         Faults on the frames the object sends.
     frames_sent
-        Frames given to the adapter while its channel was open.
+        Frames handed to the adapter while its channel was open.
     """
 
     carries_damage = False  # the damage meant is that of the object's own line: the bus
@@ -65,17 +63,17 @@ class CanByteLink(ByteLink):
 
     def send(self, packets: Sequence[bytes]) -> int | None:
         """Send as frames through the adapter; see :meth:`emulator.links.Link.send`."""
-        self._take_in()
+        self._exchange()
         if not self._connected() or not self.adapter.hears(time.monotonic_ns() // 1_000_000):
-            # Whoever opens the channel later gets the sample state anew; the object's identity stays known.
+            # Whoever opens the channel later gets the sample state again; the object's identity stays known.
             self.object_end.encode([packet for packet in packets if packet[0] == PacketType.INFO])
             self.object_end.reset()
             return None
         if not self._flush():
             return 0
-        taken = packets[:MAX_PACKETS_AT_ONCE]
-        self._put(self.object_end.encode(taken))
-        return len(taken)
+        accepted = packets[:MAX_PACKETS_AT_ONCE]
+        self._put(self.object_end.encode(accepted))
+        return len(accepted)
 
     def _put(self, frames: Sequence[CanFrame]) -> None:
         if not frames:
@@ -87,7 +85,7 @@ class CanByteLink(ByteLink):
         self._rest += b"".join(self.adapter.from_bus(frame, time_ms) for frame in frames)
         self._flush()
 
-    def _take_in(self) -> None:
+    def _exchange(self) -> None:
         if not self._connected():
             return
         if not self._greeted:
@@ -105,7 +103,7 @@ class CanByteLink(ByteLink):
 
     def receive(self) -> list[bytes]:
         """Return the commands that have arrived; see :meth:`emulator.links.Link.receive`."""
-        self._take_in()
+        self._exchange()
         self._put(self.object_end.poll())
         commands, self._commands = self._commands, []
         return commands

@@ -2,7 +2,7 @@
 
 ====================================  ==========================================================================
 ``can:slcan:pty`` or ``…:pty:PATH``   an SLCAN adapter on a pseudo-terminal (CAN FD in the CANable dialect)
-``can:slcan:tcp:PORT``                the same on ``socket://127.0.0.1:PORT``; port 0 takes a free one
+``can:slcan:tcp:PORT``                the same on ``socket://127.0.0.1:PORT``; port 0 is any free one
 ``can:socketcand:PORT``               a socketcand server on loopback; its only bus is ``vcan0``
 ``can:INTERFACE:CHANNEL``             a bus of python-can: ``virtual`` (same process), ``udp_multicast``, ``socketcan``
 ====================================  ==========================================================================
@@ -23,8 +23,6 @@ from emulator.links import Link
 from firmware_protocol.can.frames import CanFrame
 from firmware_protocol.can.mapping import MAX_NODE, MIN_NODE
 
-__all__ = ["CanAddress", "FrameTamper", "from_address"]
-
 FrameTamper: TypeAlias = Callable[[CanFrame], list[CanFrame]]
 """One frame as it should be on the bus in, the frames that really go out: faults."""
 
@@ -38,7 +36,7 @@ _OPTIONS = ("node", "fd", "bitrate", "data_bitrate")
 
 @dataclass(frozen=True, slots=True)
 class CanAddress:
-    """What follows ``can:``, taken apart."""
+    """What follows ``can:``, parsed."""
 
     interface: str
     """``slcan``, ``socketcand``, or an interface of python-can."""
@@ -60,7 +58,7 @@ class CanAddress:
 
 
 def parse_address(rest: str) -> CanAddress:
-    """Take apart what follows ``can:``.
+    """Parse what follows ``can:``.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """The virtual object on a bus of python-can: ``virtual``, ``udp_multicast``, ``socketcan``, or real hardware.
 
-Nobody tells whether anybody listens, so samples are sent from power-up on, as on a real bus.
+Nothing shows whether anybody listens, so samples are sent from power-up on, as on a real bus.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ from emulator.links.can.link import MAX_PACKETS_AT_ONCE, CanAddress, FrameTamper
 from firmware_protocol.can.encoder import CanObject
 from firmware_protocol.can.frames import CanFrame, FrameFlag
 from firmware_protocol.errors import ProtocolError
-
-__all__ = ["PythonCanLink", "from_can_address"]
 
 UNTIMED = ("virtual", "udp_multicast", "socketcan")
 """Interfaces without a bit rate of their own."""
@@ -101,13 +99,13 @@ class PythonCanLink(Link):
             self._put(())
             if self._unsent:
                 return 0
-        taken = packets[:MAX_PACKETS_AT_ONCE]
+        accepted = packets[:MAX_PACKETS_AT_ONCE]
         try:
-            frames = self.object_end.encode(taken)
+            frames = self.object_end.encode(accepted)
         except ProtocolError:
             frames = []
         self._put(frames)
-        return len(taken)
+        return len(accepted)
 
     def _put(self, frames: Sequence[CanFrame]) -> None:
         if self.frame_tamper is not None:
@@ -161,7 +159,7 @@ class PythonCanLink(Link):
 
 
 def _hear_own_group_only(bus: Any) -> None:  # noqa: ANN401 (its socket is no part of BusABC)
-    """On Linux, a socket gets what is sent to any group that anybody on this machine has joined: end that."""
+    """End what Linux does by default: a socket receives the groups that anybody on this machine has joined."""
     sock = getattr(getattr(bus, "_multicast", None), "_socket", None)
     if sock is not None and sys.platform == "linux":
         level, option = (41, 29) if sock.family == socket.AF_INET6 else (0, 49)  # IPV6_/IP_MULTICAST_ALL

@@ -13,8 +13,6 @@ from emulator.links.pty_link import from_address as pty_from_address
 from emulator.links.tcp_link import TcpLink
 from emulator.links.tcp_link import from_address as tcp_from_address
 
-__all__ = ["SlcanPtyLink", "SlcanTcpLink", "from_can_address"]
-
 
 def from_can_address(address: CanAddress) -> CanByteLink:
     """Return the link of ``can:slcan:pty``, ``can:slcan:pty:PATH`` or ``can:slcan:tcp:PORT``.
@@ -30,7 +28,7 @@ def from_can_address(address: CanAddress) -> CanByteLink:
     if kind == "tcp":
         return SlcanTcpLink(address, tcp_from_address(rest).port)
     raise LinkError(
-        f"can:slcan:{address.channel} is no place for an adapter: write can:slcan:pty, can:slcan:pty:PATH or "
+        f"can:slcan:{address.channel} is not a place for an adapter: write can:slcan:pty, can:slcan:pty:PATH or "
         "can:slcan:tcp:PORT"
     )
 
@@ -64,7 +62,7 @@ class SlcanTcpLink(CanByteLink, TcpLink):
     address : CanAddress
         Node id, CAN FD, bit rates.
     port : int
-        0 takes a free one.
+        0 is any free one.
     """
 
     def __init__(self, address: CanAddress, port: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""An SLCAN (Lawicel) CAN adapter as a thing without I/O: the serial protocol between an adapter and its host.
+"""An SLCAN (Lawicel) CAN adapter without I/O: the serial protocol between an adapter and its host.
 
 Commands end with CR and are answered with CR (done) or BEL (refused); frames from the bus are lines of the same form
 as those to send. CAN FD frames use the dialect of the CANable 2.0: ``d D`` without and ``b B`` with bit rate switch,
@@ -10,8 +10,6 @@ Sources: LAWICEL CAN232 manual, version 3; canable.io, firmware ``canable2-fw``.
 from __future__ import annotations
 
 from firmware_protocol.can.frames import FD_LENGTHS, CanFrame, FrameFlag
-
-__all__ = ["SlcanAdapter", "slcan_line"]
 
 BITRATES = {
     "0": 10_000,
@@ -80,18 +78,18 @@ class SlcanAdapter:
         self.refusals = 0
 
     def hears(self, time_ms: int) -> bool:  # noqa: ARG002 (other adapters want a pause first)
-        """Whether the channel is open."""
+        """Return whether the channel is open."""
         return self.is_open
 
     def from_bus(self, frame: CanFrame, time_ms: int) -> bytes:
-        """Return what the adapter tells its host of a frame on the bus; nothing while the channel is closed."""
+        """Return what the adapter sends its host for a frame on the bus; nothing while the channel is closed."""
         if not self.is_open:
             return b""
         stamp = f"{time_ms % TIMESTAMP_MODULUS_MS:04X}".encode() if self.timestamps else b""
         return slcan_line(frame) + stamp + b"\r"
 
     def from_host(self, data: bytes) -> tuple[bytes, list[CanFrame]]:
-        """Take bytes from the host; return the answers and the frames to put on the bus."""
+        """Process bytes from the host; return the answers and the frames to put on the bus."""
         answers = bytearray()
         frames: list[CanFrame] = []
         for byte in data:
@@ -155,7 +153,7 @@ class SlcanAdapter:
         elif kind == "Z" and rest in ("0", "1"):
             self.timestamps = rest == "1"
         elif (kind == "s" and len(rest) in (4, 6)) or (kind in "mM" and len(rest) == 8):
-            pass  # bit timing registers and filters are taken, and do nothing
+            pass  # bit timing registers and filters are accepted, and do nothing
         else:
             return _REFUSED
         return _OK

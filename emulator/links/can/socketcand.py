@@ -15,8 +15,6 @@ from emulator.links.can.link import CanAddress
 from emulator.links.tcp_link import TcpLink
 from firmware_protocol.can.frames import CLASSIC_BYTES, CanFrame, FrameFlag
 
-__all__ = ["BUS", "SocketcandLink", "SocketcandSession", "from_can_address"]
-
 BUS = "vcan0"
 """The only bus the server has."""
 QUIET_MS = 50
@@ -33,7 +31,7 @@ def from_can_address(address: CanAddress) -> SocketcandLink:
     Raises
     ------
     LinkError
-        No port, or CAN FD, which the protocol has not.
+        No port, or CAN FD, which the protocol does not have.
     """
     if address.fd:
         raise LinkError("socketcand carries classic CAN frames only: leave fd out, or use can:slcan:tcp:PORT")
@@ -51,7 +49,7 @@ class SocketcandSession:
         self.reset()
 
     def reset(self) -> None:
-        """Begin a new connection."""
+        """Start a new connection."""
         self._pending = ""
         self._has_bus = False
         self._raw_asked = False
@@ -59,7 +57,7 @@ class SocketcandSession:
         self.refusals = 0
 
     def hears(self, time_ms: int) -> bool:
-        """Whether frames are passed on: in raw mode, and a while after its answer."""
+        """Return whether frames are passed on: in raw mode, and a while after its answer."""
         if not self._raw_asked:
             return False
         if self._raw_since_ms is None:
@@ -76,7 +74,7 @@ class SocketcandSession:
         return f"< frame {identifier} {time_ms / 1000:.6f} {frame.data.hex().upper()} >".encode()
 
     def from_host(self, data: bytes) -> tuple[bytes, list[CanFrame]]:
-        """Take words from the client; return the answers and the frames for the bus."""
+        """Process words from the client; return the answers and the frames for the bus."""
         self._pending = (self._pending + data.decode("latin-1"))[-MAX_PENDING_BYTES:]
         answers = b""
         frames: list[CanFrame] = []
@@ -114,7 +112,7 @@ class SocketcandLink(CanByteLink, TcpLink):
     address : CanAddress
         Node id.
     port : int
-        0 takes a free one.
+        0 is any free one.
     """
 
     def __init__(self, address: CanAddress, port: int = 0) -> None:
@@ -127,7 +125,7 @@ class SocketcandLink(CanByteLink, TcpLink):
         return self.address.host_uri(f"127.0.0.1:{self.port}/{BUS}")
 
     def _accept(self) -> None:
-        # A real server takes many; so a client that comes back must not wait until its old connection is found dead.
+        # A real server has many; so a client that comes back must not wait until its old connection is found dead.
         if self._server is None:
             return
         with contextlib.suppress(OSError):

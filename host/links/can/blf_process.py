@@ -33,7 +33,7 @@ def limit(file_bytes: int) -> None:
 
 
 def main(path: Path) -> int:
-    """Read the file; 0 when it was sound to its end."""
+    """Read the file; return 0 where it was sound to its end."""
     size = path.stat().st_size
     limit(size)
     try:
@@ -44,7 +44,7 @@ def main(path: Path) -> int:
         sys.stdout.buffer.flush()
         sys.stderr.write(f"{type(error).__name__}: {error}\n")
         return 1
-    if size < whole:  # the library takes the end of the file for the end of the log
+    if size < whole:  # to the library, the end of the file is the end of the log
         sys.stderr.write(f"it is cut: {size} of {whole} bytes are there\n")
         return 1
     return 0

@@ -3,16 +3,17 @@
 What python-can really does, and what follows from it:
 
 - ``Notifier`` ends its thread when a listener raises, so it is not used. ``recv`` is called here, one frame a call.
-- Its SLCAN parser keeps a byte that is no ASCII in its buffer and fails on it for ever: our own reading of lines passes
-  over it, and where that cannot be used (Windows) the buffer is flushed. Its socketcand parser keeps a frame it cannot
-  read and fails for ever; and a server that is gone makes ``recv`` return at once, for ever: the bus is opened anew.
+- Its SLCAN parser keeps a byte that is not ASCII in its buffer and fails on it for ever: our own reading of lines skips
+  it, and where that cannot be used (Windows) the buffer is flushed. Its socketcand parser keeps a frame it cannot
+  read and fails for ever; and a server that is gone makes ``recv`` return at once, for ever: the bus is opened again.
   All of it is counted.
-- ``slcan`` opens where nobody answers; the adapter must say something first.
+- ``slcan`` opens where nobody answers; the adapter must send something first.
 - An interface that goes down (``ip link set can0 down``) fails one ``recv`` or one ``send``, whichever comes first, and
-  works again once it is up. One that was pulled does the same and never works again, not even when it is back: that is
-  told by its number.
+  works again once it is up. One that was pulled does the same and never works again, not even when it is back: its
+  number shows that.
 
-Flow control for long packets is sent from here, within the reading thread; decoders only listen.
+Flow control for long packets is sent from here, within the reading thread, and packets are put together by the decoder
+alone: an answer depends on the first frame of a packet only.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import can
 
 from firmware_protocol.can.encoder import command_frame
 from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
-from firmware_protocol.can.iso_tp import LongPacketChannel
+from firmware_protocol.can.iso_tp import flow_control
 from firmware_protocol.can.mapping import ALL_NODES, HOST_FUNCTIONS, NODE_MASK, CanFunction, split_id
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.errors import ProtocolError
@@ -36,8 +37,7 @@ from host.errors import LinkError, LinkLostError, UsageError
 from host.links.can.drivers import CanSettings, can_settings, open_bus
 from host.links.can.health import BusHealth
 from host.links.can.socketcan import dropped_frames, interface_index
-from host.links.serial.port import existing_ports
-from host.links.transport import ClosingTransport, FrameChunk
+from host.links.transport import FrameChunk, Transport
 from host.links.uri import LinkUri
 from host.text import plain
 
@@ -45,9 +45,9 @@ MAX_FRAMES = 1024
 """No read returns more."""
 SEND_TIMEOUT_S = 1.0
 DRIVER_NS = 250_000_000
-"""Between two questions to kernel and driver: what was dropped, the bus state, whether it is still the same adapter."""
+"""Between two queries of kernel and driver: what was dropped, the bus state, whether it is still the same adapter."""
 ECHOING = frozenset({"udp_multicast"})
-"""Interfaces that hand us what we sent ourselves, unasked."""
+"""Interfaces that return what we sent ourselves, unasked."""
 SETTLING_S = 3.0
 """Without a node id in the link, a second object heard within this time is a question to the user."""
 
@@ -62,13 +62,13 @@ def open_transport(uri: LinkUri) -> CanTransport:
     UsageError
         No such interface, impossible option.
     LinkError
-        It does not open, or the adapter says nothing.
+        It does not open, or the adapter is silent.
     """
     settings = can_settings(uri)
-    return CanTransport(settings, str(uri), open_bus(settings, str(uri), existing_ports()))
+    return CanTransport(settings, str(uri), open_bus(settings, str(uri)))
 
 
-class CanTransport(ClosingTransport):
+class CanTransport(Transport):
     """An open bus, and the one object on it that is talked to.
 
     Parameters
@@ -81,23 +81,17 @@ class CanTransport(ClosingTransport):
         Open.
     """
 
-    is_live = True
-
     def __init__(self, settings: CanSettings, name: str, bus: can.BusABC) -> None:
         self.name = name
-        said = plain(str(bus.channel_info), 120)
-        self.interface_name = f"{settings.interface} {settings.channel}" if said in ("", "unknown") else said
-        """What the interface calls itself."""
         self.health = BusHealth()
         """What was noticed on the bus."""
         self._settings = settings
         self._bus: Any = bus
         self._node = settings.node
         self._node_since = time.monotonic()
-        self._channels: dict[bool, LongPacketChannel] = {}
         self._lock = threading.Lock()
         self._echoes: deque[tuple[int, bytes]] | None = deque(maxlen=64) if settings.interface in ECHOING else None
-        self._driver_asked_ns = 0
+        self._queried_ns = 0
         self._index = interface_index(settings.channel) if settings.interface == "socketcan" else 0
         self._closed = False
 
@@ -107,20 +101,25 @@ class CanTransport(ClosingTransport):
         return self._node
 
     @property
+    def interface_name(self) -> str:
+        """What the interface calls itself."""
+        name = plain(str(self._bus.channel_info), 120)
+        return f"{self._settings.interface} {self._settings.channel}" if name in ("", "unknown") else name
+
+    @property
     def problems(self) -> tuple[str, ...]:
         """What a person should know about the bus, a sentence each."""
         return self.health.problems(self.name)
 
-    @staticmethod
-    def encode_command(command: Command) -> bytes:
-        """Return what :meth:`write` takes: the encoded packet, without framing."""
+    def encode_command(self, command: Command) -> bytes:
+        """Return the encoded packet of a command, without framing."""
         return encode_packet(command)
 
     def read(self, timeout_s: float) -> FrameChunk | None:
-        """Wait for the next frame, at most ``timeout_s``, and take what else is there."""
+        """Wait for the next frame, at most ``timeout_s``, and read what else is there."""
         if self._closed:
             raise LinkLostError(f"{self.name} is closed")
-        self._ask_driver()
+        self._query_driver()
         frames: list[CanFrame] = []
         message = self._receive(timeout_s)
         while message is not None:
@@ -130,7 +129,7 @@ class CanTransport(ClosingTransport):
             message = self._receive(0.0) if len(frames) < MAX_FRAMES else None
         if not frames:
             return None
-        self._attend(frames)
+        self._respond(frames)
         return FrameChunk(pack_frames(frames), frames[-1].host_time_ns)
 
     def write(self, data: bytes) -> None:
@@ -139,7 +138,7 @@ class CanTransport(ClosingTransport):
         Raises
         ------
         LinkLostError
-            The bus takes no frames: nobody acknowledges them, or the interface is gone.
+            The bus accepts no frames: nobody acknowledges them, or the interface is gone.
         """
         if self._settings.listen_only:
             return
@@ -155,11 +154,11 @@ class CanTransport(ClosingTransport):
         with self._lock, contextlib.suppress(*IO_ERRORS):
             self._bus.shutdown()
 
-    def _ask_driver(self) -> None:
+    def _query_driver(self) -> None:
         now_ns = time.monotonic_ns()
-        if now_ns - self._driver_asked_ns < DRIVER_NS:
+        if now_ns - self._queried_ns < DRIVER_NS:
             return
-        self._driver_asked_ns = now_ns
+        self._queried_ns = now_ns
         self.health.dropped_frames = dropped_frames(self._bus)
         with contextlib.suppress(*IO_ERRORS):
             if self._bus.state is can.BusState.ERROR:  # of some drivers; most say "active" whatever happens
@@ -171,7 +170,7 @@ class CanTransport(ClosingTransport):
         return LinkLostError(f"{self.name} is gone ({reason})", "plug the adapter in again")
 
     def _is_wanted(self, frame: CanFrame) -> bool:
-        """Filter what interfaces without filters of their own let through."""
+        """Return whether a frame passes: the filter where interfaces have none of their own."""
         node = self._settings.node
         if frame.flags & FrameFlag.ERROR:
             return True
@@ -192,15 +191,21 @@ class CanTransport(ClosingTransport):
         return message
 
     def _recover(self, error: Exception) -> None:
-        """Mend what a failed read left behind, or say that the link is lost."""
+        """Repair what a failed read left behind.
+
+        Raises
+        ------
+        LinkLostError
+            It cannot be repaired: the link is gone.
+        """
         interface = self._settings.interface
         no_text = isinstance(error, UnicodeDecodeError) or isinstance(error.__cause__, UnicodeDecodeError)
         if interface == "slcan" and (no_text or isinstance(error, ValueError | IndexError)):
             self.health.parser_errors += 1
-            # Bytes that are no ASCII stay in the library's own buffer; of other lines nothing is left.
+            # Bytes that are not ASCII stay in the library's own buffer; of other lines nothing is left.
             if no_text:
                 with contextlib.suppress(*IO_ERRORS):
-                    self.health.flushes += self._bus.pass_over_unreadable()
+                    self.health.flushes += self._bus.skip_unreadable()
             return
         if interface == "socketcand":
             self.health.parser_errors += 1
@@ -216,7 +221,7 @@ class CanTransport(ClosingTransport):
             with contextlib.suppress(*IO_ERRORS):
                 self._bus.shutdown()
             try:
-                self._bus = open_bus(self._settings, self.name, [])
+                self._bus = open_bus(self._settings, self.name)
             except (LinkError, UsageError) as failure:
                 reason = plain(str(error).partition("Traceback")[0].strip(), 80)
                 raise LinkLostError(
@@ -242,14 +247,14 @@ class CanTransport(ClosingTransport):
                 self.health.went_down = True
                 return  # commands are repeated
             if self._settings.interface == "socketcand":
-                return  # the reading side notices, and opens anew
+                return  # the reading side notices, and opens the bus again
             raise LinkLostError(
                 f"{self.name} takes no frames ({plain(str(error), 100)})",
                 "check that the object is on the bus, the bit rate, and that both ends are terminated",
             ) from error
 
-    def _attend(self, frames: list[CanFrame]) -> None:
-        """Do what frames ask for at once: find the object, answer long packets, notice trouble."""
+    def _respond(self, frames: list[CanFrame]) -> None:
+        """Do what frames need at once: find the object, answer long packets, notice errors."""
         for frame in frames:
             if frame.flags & FrameFlag.ERROR:
                 self.health.error_frame(frame, self._settings.interface)
@@ -261,12 +266,14 @@ class CanTransport(ClosingTransport):
             if self._node is None:
                 self._node, self._node_since = identity.node, time.monotonic()
             elif identity.node != self._node:
-                self._meet_other(identity.node)
+                self._note_other(identity.node)
                 continue
             if identity.function is CanFunction.LONG_FROM_OBJECT and not self._settings.listen_only:
-                self._answer(frame, identity.whole_packet)
+                answer = flow_control(frame.data, identity.node, identity.whole_packet)
+                if answer is not None:
+                    self._send(answer)
 
-    def _meet_other(self, node: int) -> None:
+    def _note_other(self, node: int) -> None:
         if node in self.health.other_nodes:
             return
         self.health.other_nodes.add(node)
@@ -275,17 +282,8 @@ class CanTransport(ClosingTransport):
             found = ", ".join(str(each) for each in sorted({self._node or 0, *self.health.other_nodes}))
             joint = "&" if "?" in self.name else "?"
             raise UsageError(
-                f"several objects are on the bus (node ids {found})", f"say which: {self.name}{joint}node={self._node}"
+                f"several objects are on the bus (node ids {found})", f"choose one: {self.name}{joint}node={self._node}"
             )
-
-    def _answer(self, frame: CanFrame, whole: bool) -> None:
-        assert self._node is not None
-        if whole not in self._channels:
-            self._channels[whole] = LongPacketChannel(self._node, is_object=False, fd=whole)
-        channel = self._channels[whole]
-        channel.feed(frame.data)
-        for answer in channel.take_outgoing():
-            self._send(answer)
 
 
 def received_frame(message: can.Message, host_time_ns: int) -> CanFrame:

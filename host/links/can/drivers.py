@@ -1,4 +1,4 @@
-"""Opening buses through python-can: what each interface wants, and its errors as sentences with a mend."""
+"""Opening buses through python-can: what each interface wants, and its errors as sentences with a remedy."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ UNTIMED = frozenset({"virtual", "udp_multicast", "socketcan", "socketcand"})
 """Interfaces whose bit rate is set elsewhere."""
 CLASSIC_ONLY = frozenset({"socketcand"})
 LISTENING = frozenset({"socketcan", "slcan", "pcan", "kvaser", "virtual", "udp_multicast"})
-"""Interfaces that can be told to listen only, or whose bus is no concern of ours; the others acknowledge frames."""
+"""Interfaces that can be set to listen only, or on whose bus listening disturbs nobody; others acknowledge frames."""
 DRIVER_FILTERS = frozenset({"socketcan", "etas", "ixxat", "kvaser", "systec", "vector"})
 """Interfaces whose filters work in the driver, on data frames only."""
 SLCAN_ANSWER_S = 3.0
-"""How long an SLCAN adapter may take to say anything: boards that reset when their port is opened need 2 s."""
-DRIVER_MENDS = {
+"""Within what time an SLCAN adapter must send anything: boards that reset when their port is opened need 2 s."""
+DRIVER_REMEDIES = {
     "gs_usb": 'pip install "python-can[gs-usb]", or on Linux can:socketcan:can0',
     "pcan": "install PCAN-Basic of PEAK-System, or on Linux can:socketcan:can0",
     "kvaser": "install CANlib of Kvaser, or on Linux can:socketcan:can0",
@@ -50,12 +50,12 @@ DRIVER_MENDS = {
     "neovi": 'pip install "python-can[neovi]"',
     "udp_multicast": 'pip install "rotdrift[multicast]"',
 }
-"""What an interface wants that python-can does not bring."""
+"""What an interface needs that python-can does not bring."""
 
 
 @dataclass(frozen=True, slots=True)
 class CanSettings:
-    """A ``can:`` link, taken apart."""
+    """A ``can:`` link, parsed."""
 
     interface: str
     """Name of the interface in python-can."""
@@ -66,18 +66,18 @@ class CanSettings:
     port: int = 0
     """Its port."""
     node: int | None = None
-    """Node id of the object; None takes the first that is heard."""
+    """Node id of the object; None is for the first that is heard."""
     fd: bool = False
     bitrate: int = DEFAULT_BITRATE
     data_bitrate: int = DEFAULT_DATA_BITRATE
     listen_only: bool = False
-    """Send nothing, not even acknowledge bits where the adapter can be told so."""
+    """Send nothing, not even acknowledge bits where the adapter can be set so."""
     baud: int = 115_200
     """Of the serial port of an SLCAN adapter on a UART; USB adapters ignore it."""
 
 
 def can_settings(uri: LinkUri) -> CanSettings:
-    """Take a ``can:INTERFACE:CHANNEL`` link apart.
+    """Parse a ``can:INTERFACE:CHANNEL`` link.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def can_settings(uri: LinkUri) -> CanSettings:
     interface, _, channel = uri.target.partition(":")
     if interface not in can.VALID_INTERFACES:
         raise UsageError(
-            f"{interface or 'nothing'} in the link {uri} is no CAN interface of python-can",
+            f"{interface or 'nothing'} in the link {uri} is not a CAN interface of python-can",
             "write it like can:socketcan:can0 or can:slcan:/dev/ttyACM0; `rotdrift ports` lists what is here",
         )
     if not channel:
@@ -123,13 +123,13 @@ def _in_full(name: str, text: str) -> str:
     return text if found is None else str(int(found[1]) * (1_000_000 if found[2] == "M" else 1000))
 
 
-def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries: int = 20) -> can.BusABC:
+def open_bus(settings: CanSettings, name: str, tries: int = 20) -> can.BusABC:
     """Open the bus and set its filters.
 
     Raises
     ------
     LinkError, UsageError
-        It does not open; says why and what to do.
+        It does not open; the message has the reason and a remedy.
     """
     try:
         options = _bus_options(settings)
@@ -145,8 +145,8 @@ def open_bus(settings: CanSettings, name: str, existing_ports: list[str], tries:
     except Exception as error:  # without its library a driver raises anything, NameError among it
         if settings.interface == "socketcand" and isinstance(error, can.CanError) and tries > 1:
             time.sleep(0.05)  # a server for one client may not have noticed yet that the last one has gone
-            return open_bus(settings, name, existing_ports, tries - 1)
-        raise _open_error(error, settings, name, existing_ports) from error
+            return open_bus(settings, name, tries - 1)
+        raise _open_error(error, settings, name) from error
     if settings.interface == "socketcan" and is_down(settings.channel):
         bus.shutdown()
         raise LinkError(
@@ -210,7 +210,7 @@ def _bus_options(settings: CanSettings) -> dict[str, Any]:
 
 
 def _hear_own_group_only(bus: Any) -> None:  # noqa: ANN401 (its socket is no part of BusABC)
-    """On Linux, a socket gets what is sent to any group that anybody on this machine has joined: end that."""
+    """End what Linux does by default: a socket receives the groups that anybody on this machine has joined."""
     sock = queue_of(bus)
     if sock is not None and sys.platform == "linux":
         level, option = (41, 29) if sock.family == socket.AF_INET6 else (0, 49)  # IPV6_/IP_MULTICAST_ALL
@@ -219,10 +219,10 @@ def _hear_own_group_only(bus: Any) -> None:  # noqa: ANN401 (its socket is no pa
 
 
 def _await_adapter(bus: Any, settings: CanSettings) -> None:  # noqa: ANN401 (slcanBus; its port is no part of BusABC)
-    """Wait until the adapter says anything: opening works also where nobody answers."""
+    """Wait until the adapter sends anything: opening works also where nobody answers."""
     port = bus.serialPortOrig
     deadline = time.monotonic() + SLCAN_ANSWER_S
-    asked = 0.0
+    queried = 0.0
     try:
         while not port.in_waiting:
             now = time.monotonic()
@@ -232,15 +232,15 @@ def _await_adapter(bus: Any, settings: CanSettings) -> None:  # noqa: ANN401 (sl
                     "check that it is the adapter's port and that its firmware speaks SLCAN (candlelight firmware is "
                     "can:gs_usb or can:socketcan)",
                 )
-            if now - asked > 0.5:
-                asked = now
+            if now - queried > 0.5:
+                queried = now
                 port.write(b"V\r")
             time.sleep(0.005)
     except (serial.SerialException, OSError) as error:
         raise PortNotFoundError(f"{settings.channel} is gone ({plain(str(error), 100)})") from error
 
 
-def _open_error(error: Exception, settings: CanSettings, name: str, existing: list[str]) -> LinkError | UsageError:
+def _open_error(error: Exception, settings: CanSettings, name: str) -> LinkError | UsageError:
     cause = error.__cause__ if isinstance(error.__cause__, Exception) else error
     number = getattr(cause, "errno", None) or getattr(error, "error_code", None)
     text = plain(str(error), 160)
@@ -249,12 +249,12 @@ def _open_error(error: Exception, settings: CanSettings, name: str, existing: li
             return UsageError(
                 f"SLCAN adapters cannot do this ({text})", "give ?bitrate=500000 (FD: data_bitrate=2000000)"
             )
-        return translate_open_error(cause, settings.channel, existing)
+        return translate_open_error(cause, settings.channel)
     missing = (ImportError, NameError, AttributeError, can.CanInterfaceNotImplementedError)
     if isinstance(cause, missing) or isinstance(error, missing) or "library not found" in text:
         return LinkError(
             f"the driver for {settings.interface} is not installed ({text})",
-            DRIVER_MENDS.get(settings.interface, "see what python-can's documentation says of this interface"),
+            DRIVER_REMEDIES.get(settings.interface, "see this interface in python-can's documentation"),
         )
     if settings.interface == "socketcand":
         return PortNotFoundError(

@@ -23,14 +23,14 @@ class BusHealth:
     """Counters and state of one bus."""
 
     state: str = "active"
-    """``active``, ``warning``, ``passive`` or ``bus-off``, as error frames or the driver tell; else it stays active."""
+    """``active``, ``warning``, ``passive`` or ``bus-off``, as error frames or the driver show; else it stays active."""
     error_frames: int = 0
     unexplained: int = 0
-    """Of these, those of interfaces that do not say what the error was."""
+    """Of these, those of interfaces that do not explain the error."""
     overruns: int = 0
-    """Times the controller lost frames because nobody took them."""
+    """Times the controller lost frames because nobody read them."""
     dropped_frames: int = 0
-    """Frames the kernel had no room for because nobody took them; SocketCAN and udp_multicast tell."""
+    """Frames the kernel had no room for because nobody read them; SocketCAN and udp_multicast count them."""
     unsent: int = 0
     """Times the controller had no room for a frame to be sent."""
     unacknowledged: int = 0
@@ -43,21 +43,21 @@ class BusHealth:
     parser_errors: int = 0
     """Lines from the adapter that python-can could not read."""
     flushes: int = 0
-    """Of these, how often its input was thrown away to go on."""
+    """Of these, how often its input was discarded to go on."""
     reopens: int = 0
-    """How often the bus was opened anew to go on."""
+    """How often the bus was opened again to go on."""
     filtered_frames: int = 0
     """Data frames with a 29-bit id, or of others where the link names a node: left out."""
     other_nodes: set[int] = field(default_factory=set)
     """Node ids of other objects heard."""
 
     def bus_off(self) -> None:
-        """Take note that the controller has left the bus."""
+        """Note that the controller has left the bus."""
         self.bus_offs += self.state != "bus-off"
         self.state = "bus-off"
 
     def error_frame(self, frame: CanFrame, interface: str) -> None:
-        """Take an error frame; only SocketCAN says what the error was."""
+        """Note an error frame; only SocketCAN explains the error."""
         self.error_frames += 1
         if interface != "socketcan":
             self.unexplained += 1
@@ -81,9 +81,9 @@ class BusHealth:
         self.unacknowledged += bool(kind & _NO_ACKNOWLEDGE)
 
     def problems(self, name: str) -> tuple[str, ...]:
-        """Return what a person should know, a sentence each; no numbers, so that each is said once.
+        """Return what a person should know, a sentence each; without numbers, so that each is reported once.
 
-        They only ever grow: what is over again was said all the same, however seldom somebody asks.
+        They only ever grow: what is over is reported all the same, however seldom somebody asks.
         """
         found = []
         if self.went_down:

@@ -24,7 +24,7 @@ SLCAN_ADAPTERS = {
 }
 """USB ids of adapters that speak SLCAN on a serial port."""
 PERHAPS_SLCAN = {"0483:5740": "STM32 virtual COM port, may be an SLCAN adapter"}
-"""USB ids of adapters and of other devices: not to be sent anything unasked."""
+"""USB ids of adapters and of other devices: nothing must be sent to them unasked."""
 DRIVERS = ("gs_usb", "pcan", "kvaser", "ixxat", "vector", "canalystii", "cantact", "neovi", "nican", "systec")
 """Interfaces of python-can that can list their adapters without a pause and without sending."""
 
@@ -39,15 +39,15 @@ class CanPort:
     state: str
     """``up``, ``down``, or empty where nobody knows before it is opened."""
     can_listen: bool
-    """Whether it can be opened without a sign to the bus, and to what else may be there."""
+    """Whether it can be opened without disturbing the bus, or what else may be there."""
 
     def to_json(self) -> dict[str, Any]:
-        """Turn into plain values."""
+        """Return plain values."""
         return asdict(self)
 
 
 def list_can_ports(serial_ports: Iterable[SerialPort] = (), sys_net: Path = SYS_NET) -> list[CanPort]:
-    """List CAN interfaces, sorted by link.
+    """Return the CAN interfaces, sorted by link.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def _socketcan(sys_net: Path) -> list[CanPort]:
             with contextlib.suppress(OSError):
                 if (interface / "type").read_text().strip() != ARPHRD_CAN:
                     continue
-                # Virtual interfaces have no carrier to speak of: "unknown" there means up.
+                # Virtual interfaces have no carrier: "unknown" there means up.
                 flags = int((interface / "flags").read_text().strip(), 16)
                 virtual = not (interface / "device").exists()
                 description = "virtual SocketCAN interface" if virtual else "SocketCAN interface"

@@ -1,4 +1,4 @@
-"""Which CAN tool wrote a file: told from its first lines, without loading any driver."""
+"""Which CAN tool wrote a file, by its first lines, without loading any driver."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LINES = 20
 
 
 def can_log_kind(path: Path) -> str | None:
-    """Recognise a CAN log: ``candump``, ``ASC``, ``CSV`` or ``BLF``; None where it is none, or cannot be read."""
+    """Return the kind of a CAN log: ``candump``, ``ASC``, ``CSV`` or ``BLF``; None for any other or unreadable file."""
     try:
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)

@@ -1,13 +1,14 @@
 """Logs of other CAN tools as chunks: candump ``.log``, Vector ASC and BLF, python-can's CSV.
 
-Read through python-can. It stops at the first line it cannot read, so candump lines are looked at before they reach
-it, and what stops the others is told. A BLF is compressed, and mutated ones have been seen to loop for ever or to take
+Read through python-can. It stops at the first line it cannot read, so candump lines are checked before they reach it,
+and what stops the others is reported. A BLF is compressed, and mutated ones have been seen to loop for ever or to need
 800 MB, so it is read in a process of its own with limits (:mod:`host.links.can.blf_process`).
 """
 
 from __future__ import annotations
 
 import io
+import itertools
 import struct
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from typing import IO, TextIO
 
 import can
 
-from firmware_protocol.can.frames import CanFrame, frame_array, iter_frames, pack_frames
+from firmware_protocol.can.frames import frame_array, iter_frames, pack_frames
 from host.errors import FileError, unreadable
 from host.links.can.bus import received_frame
 from host.links.can.log_kind import CANDUMP_LINE, can_log_kind
@@ -28,7 +29,7 @@ from host.text import plain
 
 FRAMES_A_CHUNK = 1000
 BLF_SECONDS_PER_MB = 20.0
-"""A hundred times what a sound file takes."""
+"""A hundred times what a sound file needs."""
 BLF_LEAST_SECONDS = 20.0
 
 _LENGTH = struct.Struct("<I")
@@ -36,7 +37,7 @@ _LENGTH = struct.Struct("<I")
 
 @dataclass(frozen=True, slots=True)
 class CanLog:
-    """What stood in a log."""
+    """The content of a log."""
 
     kind: str
     """``candump``, ``ASC``, ``CSV`` or ``BLF``."""
@@ -52,11 +53,11 @@ def read_can_log(path: Path) -> CanLog:
     Raises
     ------
     FileError
-        It cannot be opened, is no CAN log, or holds no frame.
+        It cannot be opened, is not a CAN log, or holds no frame.
     """
     kind = can_log_kind(path)
     if kind is None:
-        raise FileError(f"{path} is no CAN log", "give a candump log, an ASC, a BLF, or a CSV written by python-can")
+        raise FileError(f"{path} is not a CAN log", "give a candump log, an ASC, a BLF, or a CSV written by python-can")
     damage: list[str] = []
     try:
         if kind == "BLF":
@@ -95,14 +96,15 @@ def _candump(file: TextIO, damage: list[str]) -> Iterator[can.Message]:
         nonlocal bad
         for line in file:
             if CANDUMP_LINE.match(line):
-                yield line
+                yield line.rstrip("\n")
             else:
                 bad += bool(line.strip())
 
-    for batch in _batched(good_lines(), FRAMES_A_CHUNK):
+    lines = good_lines()
+    while batch := list(itertools.islice(lines, FRAMES_A_CHUNK)):
         count = 0
         try:
-            for message in can.CanutilsLogReader(io.StringIO("".join(batch))):
+            for message in can.CanutilsLogReader(io.StringIO("\n".join(batch))):
                 count += 1
                 yield message
         except Exception:  # noqa: BLE001
@@ -111,30 +113,14 @@ def _candump(file: TextIO, damage: list[str]) -> Iterator[can.Message]:
         damage.append(f"{bad} lines are no candump lines and are left out")
 
 
-def _batched(lines: Iterator[str], size: int) -> Iterator[list[str]]:
-    batch: list[str] = []
-    for line in lines:
-        batch.append(line if line.endswith("\n") else line + "\n")
-        if len(batch) == size:
-            yield batch
-            batch = []
-    if batch:
-        yield batch
-
-
 def _chunks(messages: Iterable[can.Message]) -> Iterator[FrameChunk]:
-    frames: list[CanFrame] = []
-    for message in messages:
-        frames.append(received_frame(message, round(message.timestamp * 1e9)))
-        if len(frames) == FRAMES_A_CHUNK:
-            yield FrameChunk(pack_frames(frames), frames[-1].host_time_ns)
-            frames = []
-    if frames:
-        yield FrameChunk(pack_frames(frames), frames[-1].host_time_ns)
+    frames = (received_frame(message, round(message.timestamp * 1e9)) for message in messages)
+    while batch := list(itertools.islice(frames, FRAMES_A_CHUNK)):
+        yield FrameChunk(pack_frames(batch), batch[-1].host_time_ns)
 
 
 def write_chunks(messages: Iterable[can.Message], file: IO[bytes]) -> None:
-    """Write messages as frame batches, each behind its length: what a reading process hands to its parent."""
+    """Write messages as frame batches, each behind its length: what a reading process returns to its parent."""
     for chunk in _chunks(messages):
         file.write(_LENGTH.pack(len(chunk.data)))
         file.write(chunk.data)

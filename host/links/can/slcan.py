@@ -1,7 +1,7 @@
 """python-can's SLCAN bus, reading whatever has come instead of byte by byte.
 
 The library reads one byte a call: 22 system calls a frame, and on ``socket://`` too slow for 1000 frames a second. And
-a byte that is no ASCII stays in its buffer and fails every later read; and what is no SLCAN at all it passes over in
+a byte that is not ASCII stays in its buffer and fails every later read; and what is not SLCAN at all it skips in
 silence. Here a line that cannot be read fails once and is gone.
 """
 
@@ -18,7 +18,7 @@ from can.interfaces.slcan import slcanBus
 
 READ_BYTES = 65536
 KINDS = frozenset(b"tTrRdDbBxzZVvNFCE\r\a")
-"""How a line of an adapter begins: frames, answers, and the names and errors that CANables print."""
+"""How a line of an adapter starts: frames, answers, and the names and errors that CANables print."""
 MAX_LINE_BYTES = 256
 """Longest line of any adapter: an FD frame with 29-bit id and time stamp has 150."""
 
@@ -33,7 +33,7 @@ class ChunkedSlcanBus(slcanBus):
     def __init__(self, channel: str, *, data_bitrate: int | None = None, **options: Any) -> None:  # noqa: ANN401
         self._data_bitrate = data_bitrate
         self._lines: deque[bytes] = deque()
-        self._lock = _locked(channel)  # before the library's own opening, which throws away what has come
+        self._lock = _locked(channel)  # before the library's own opening, which discards what has come
         try:
             super().__init__(channel, **options)
         except BaseException:
@@ -73,32 +73,32 @@ class ChunkedSlcanBus(slcanBus):
                 self._split(data)
         line = self._lines.popleft()
         if line[0] < 0x80 and line[0] not in KINDS:
-            raise ValueError("this is no SLCAN")
+            raise ValueError("this is not SLCAN")
         return line.decode("ascii")
 
     def _split(self, data: bytes) -> None:
         # Answers end with CR, refusals are a BEL: both end a line.
         *lines, rest = (bytes(self._buffer) + data.replace(b"\a", b"\a\r")).split(b"\r")
         self._lines.extend(line + b"\r" for line in lines)
-        if len(rest) > MAX_LINE_BYTES:  # no line of an adapter: said once as a line that cannot be read
+        if len(rest) > MAX_LINE_BYTES:  # not a line of an adapter: reported once, as a line that cannot be read
             self._lines.append(b"\xff")
             rest = b""
         self._buffer[:] = rest
 
-    def pass_over_unreadable(self) -> bool:
-        """After a line that cannot be read: see to it that reading goes on with the next.
+    def skip_unreadable(self) -> bool:
+        """Let reading go on behind a line that cannot be read.
 
         Returns
         -------
         bool
-            Whether all that had come was thrown away for it, as the library's own reading needs.
+            Whether all that had come was discarded for it, as the library's own reading needs.
         """
         if not self.reads_lines:
             self.flush()
         return not self.reads_lines
 
     def flush(self) -> None:
-        """Throw away what has come and was not read."""
+        """Discard what has come and was not read."""
         self._lines.clear()
         super().flush()
 

@@ -20,7 +20,7 @@ _MEMINFO = struct.Struct("=9I")  # include/uapi/linux/sock_diag.h, SK_MEMINFO_*;
 
 
 def is_down(interface: str, sys_net: Path = Path("/sys/class/net")) -> bool:
-    """Whether an interface is known to be down."""
+    """Return whether an interface is known to be down."""
     try:
         return not int((sys_net / interface / "flags").read_text().strip(), 16) & 1
     except (OSError, ValueError):
@@ -52,7 +52,7 @@ def lengthen_queue(bus: Any) -> None:  # noqa: ANN401
 
 
 def dropped_frames(bus: Any) -> int:  # noqa: ANN401
-    """Return how many frames the queue had no room for since the bus was opened; 0 where nobody tells."""
+    """Return how many frames the queue had no room for since the bus was opened; 0 where it is not known."""
     sock = queue_of(bus)
     if sock is None:
         return 0

@@ -25,9 +25,9 @@ class WatchedSocketcandBus(SocketCanDaemonBus):
     ----------
     channel : str
         Name of the bus at the server.
-    host, port
+    host, port : str, int
         The server.
-    options
+    **options : object
         Those of ``can.BusABC``.
 
     Raises

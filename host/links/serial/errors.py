@@ -1,4 +1,4 @@
-"""Failures of serial drivers, translated once into sentences with a mend.
+"""Failures of serial drivers, translated once into sentences with a remedy.
 
 pyserial raises several families on the same event: ``SerialException`` (an ``OSError``) with or without ``errno``, bare
 ``OSError`` from ``ioctl`` (``in_waiting`` on a pulled cable), ``termios.error`` (an ``Exception``), ``TypeError`` (the
@@ -23,7 +23,7 @@ from host.errors import (
     PortPermissionError,
     UsageError,
 )
-from host.links.serial.listing import port_owners
+from host.links.serial.listing import existing_ports, port_owners
 from host.text import plain
 
 BUSY = {errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK}
@@ -32,9 +32,9 @@ DENIED = {errno.EACCES, errno.EPERM}
 
 
 def translate_open_error(
-    error: Exception, target: str, existing: list[str], platform: str = sys.platform
+    error: Exception, target: str, existing: list[str] | None = None, platform: str = sys.platform
 ) -> LinkError | UsageError:
-    """Say why a port did not open.
+    """Return the error of a port that did not open.
 
     Parameters
     ----------
@@ -42,10 +42,10 @@ def translate_open_error(
         What the driver raised.
     target : str
         Device path, COM port or URL.
-    existing : list of str
-        Ports that do exist, to suggest.
+    existing : list of str, optional
+        Ports that do exist, to suggest; those of this machine by default.
     platform : str
-        ``sys.platform``; given, so that every platform's sentences are tested on one.
+        ``sys.platform``; a parameter, so that every platform's sentences are tested on one.
     """
     text = str(error)
     number = _errno(error, text)
@@ -60,7 +60,7 @@ def translate_open_error(
     if isinstance(error, ValueError) or "baud" in text.lower():
         return UsageError(f"{target} does not open ({_reason(text)})", "give a baud rate the adapter has: ?baud=115200")
     if platform == "win32" and "PermissionError" in text:
-        # Windows opens ports exclusively: "access denied" is how it says "in use".
+        # Windows opens ports exclusively: "access denied" means "in use".
         return PortBusyError(
             f"{target} is in use by another program", "close it there (a serial monitor, an IDE, another capture)"
         )
@@ -71,6 +71,7 @@ def translate_open_error(
     if number in DENIED:
         return _permission(target, platform)
     if number in GONE or "FileNotFoundError" in text:
+        existing = existing_ports() if existing is None else existing
         here = f"ports here: {', '.join(existing)}" if existing else "no serial port exists here"
         return PortNotFoundError(f"there is no port {target}", f"{here}; plug the object in or correct the name")
     if number in {errno.ENOTTY, errno.EINVAL, errno.EISDIR} or "Inappropriate ioctl" in text:
@@ -82,11 +83,13 @@ def translate_open_error(
 
 
 def translate_io_error(error: Exception, name: str) -> LinkLostError:
-    """Say that an open link is gone, whatever family of exception said so."""
+    """Return the error of an open link that is gone, whatever family of exception the driver raised."""
     if type(error).__name__ == "SerialTimeoutException":
         return LinkLostError(f"{name} takes no bytes any more", "check the cable and whether the object still runs")
     reason = _reason(str(error)) or type(error).__name__
-    if isinstance(error, TypeError | ValueError) or "returned no data" in reason:  # the driver's words explain nothing
+    if (
+        isinstance(error, TypeError | ValueError) or "returned no data" in reason
+    ):  # the driver's own text explains nothing
         reason = "unplugged, or another program reads it"
     return LinkLostError(f"{name} is gone ({reason})", "plug the object in again or restart it")
 
@@ -105,15 +108,15 @@ def _permission(target: str, platform: str) -> PortPermissionError:
         )
     if platform == "darwin":
         return PortPermissionError(sentence, "use its /dev/cu.* name and check the adapter's driver in System Settings")
-    return PortPermissionError(sentence, "check the driver of the adapter and the rights of your account")
+    return PortPermissionError(sentence, "check the driver of the adapter and the permissions of your account")
 
 
 def _is_complete(url: str) -> bool:
-    """Whether a URL of a port on the network names host and port; pyserial fails to say so of one that does not."""
+    """Return whether a URL of a port on the network has host and port, which pyserial does not check."""
     try:
         parts = urlsplit(url)
         return parts.scheme not in {"socket", "rfc2217"} or bool(parts.hostname and parts.port)
-    except ValueError:  # no number, or above 65535
+    except ValueError:  # not a number, or above 65535
         return False
 
 
@@ -140,7 +143,7 @@ def _errno(error: Exception, text: str) -> int | None:
 
 
 def _reason(text: str) -> str:
-    """Take the driver's own words without the parts that repeat the port."""
+    """Return the driver's own text without the parts that repeat the port."""
     found = re.search(r"\[Errno (\d+)\]", text)
     if found and int(found[1]) > 0:
         return os.strerror(int(found[1])).lower()

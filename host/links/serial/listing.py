@@ -24,18 +24,18 @@ class SerialPort:
     description: str
     """What the driver calls it."""
     vid_pid: str
-    """``2341:0043``; empty where it is no USB device."""
+    """``2341:0043``; empty where it is not a USB device."""
     serial_number: str
     owners: tuple[str, ...]
-    """Programs that have it open, where the system tells."""
+    """Programs that have it open, where the system reports them."""
 
     def to_json(self) -> dict[str, Any]:
-        """Turn into plain values."""
+        """Return plain values."""
         return asdict(self)
 
 
 def list_serial_ports() -> list[SerialPort]:
-    """List the ports, sorted by name. Texts come from devices and are made plain."""
+    """Return the ports, sorted by name. Texts come from devices, so they are made plain."""
     ports = []
     for port in sorted(_list_ports.comports(), key=lambda found: str(found.device)):
         known = port.vid is not None and port.pid is not None
@@ -53,11 +53,19 @@ def list_serial_ports() -> list[SerialPort]:
     return ports
 
 
+def existing_ports() -> list[str]:
+    """Return the names of the ports, sorted."""
+    try:
+        return sorted(str(port.device) for port in _list_ports.comports())
+    except OSError:  # a listing that fails must not hide the failure that asked for it
+        return []
+
+
 PROC = Path("/proc")
 
 
 def port_owners(device: str, proc: Path = PROC) -> list[str]:
-    """List the other processes that have a device open, as ``"minicom (process 4711)"``.
+    """Return the other processes that have a device open, as ``"minicom (process 4711)"``.
 
     Reads ``/proc/*/fd``; processes of other users are not visible without privilege, and other systems have no
     ``/proc``, so an empty list does not mean that nobody holds it.

@@ -2,8 +2,8 @@
 
 What pyserial really does, and what follows from it:
 
-- ``in_waiting`` of a socket is 0 or 1, so it says *whether*, not *how much*. Where the port has a descriptor the
-  wait is a ``select`` on it and the read takes whatever is there; elsewhere (Windows, ``loop://``) it is
+- ``in_waiting`` of a socket is 0 or 1, so it shows *whether*, not *how much*. Where the port has a descriptor the
+  wait is a ``select`` on it and the read returns whatever is there; elsewhere (Windows, ``loop://``) it is
   ``read(in_waiting or 1)``.
 - An unplugged port raises ``SerialException``, ``OSError``, ``TypeError`` or ``termios.error``, depending on which call
   meets it first. All of them become :class:`LinkLostError` here.
@@ -22,23 +22,21 @@ from collections.abc import Callable
 from typing import Any
 
 import serial
-from serial.tools import list_ports
 
 from host.errors import LinkLostError
 from host.links.serial.errors import translate_io_error, translate_open_error
-from host.links.transport import MAX_CHUNK_BYTES, Chunk, ClosingTransport
+from host.links.transport import MAX_CHUNK_BYTES, Chunk, Transport
 from host.links.uri import LinkUri
 
 DEFAULT_BAUD = 115200
 """USB objects ignore it; a UART behind an adapter needs ``?baud=``."""
 WRITE_TIMEOUT_S = 1.0
 TTY_READ_BYTES = 4096
-"""A tty's line discipline holds no more. Asking for 64 KiB costs 10 µs a read: the memory is taken and given back."""
+"""A tty's line discipline holds no more. Asking for 64 KiB costs 10 µs a read, for its memory."""
 POLL_S = 0.05
 """Longest wait inside one read where the port cannot be waited for with ``select``."""
 
-_serial_for_url: Callable[..., Any] = serial.serial_for_url  # neither is annotated by pyserial
-_list_ports: Any = list_ports
+_serial_for_url: Callable[..., Any] = serial.serial_for_url  # not annotated by pyserial
 
 DRIVER_ERRORS: tuple[type[Exception], ...] = (serial.SerialException, OSError, TypeError, ValueError)
 if sys.platform != "win32":
@@ -71,32 +69,22 @@ def open_transport(uri: LinkUri) -> SerialTransport:
             **({"exclusive": True} if has_lock else {}),
         )
     except DRIVER_ERRORS as error:
-        raise translate_open_error(error, uri.target, existing_ports()) from error
+        raise translate_open_error(error, uri.target) from error
     return SerialTransport(port, str(uri), has_descriptor)
 
 
-def existing_ports() -> list[str]:
-    """Names of the serial ports of this machine, sorted."""
-    try:
-        return sorted(str(port.device) for port in _list_ports.comports())
-    except OSError:  # a listing that fails must not hide the failure that asked for it
-        return []
-
-
-class SerialTransport(ClosingTransport):
+class SerialTransport(Transport):
     """An open serial port.
 
     Parameters
     ----------
-    port
+    port : SerialBase
         An open ``serial.Serial`` (or what ``serial_for_url`` made).
     name : str
         The link's URI.
     has_descriptor : bool
         Whether ``select`` can wait for it; its ``timeout`` must then be 0.
     """
-
-    is_live = True
 
     def __init__(self, port: serial.SerialBase, name: str, has_descriptor: bool) -> None:
         self._port: Any = port
@@ -105,7 +93,7 @@ class SerialTransport(ClosingTransport):
         self._is_tty = has_descriptor and os.isatty(port.fileno())
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """Wait for the next bytes, at most ``timeout_s``, and take what is there, at most ``MAX_CHUNK_BYTES``."""
+        """Wait for the next bytes, at most ``timeout_s``, and read what is there, at most ``MAX_CHUNK_BYTES``."""
         try:
             return self._read_ready(timeout_s) if self._has_descriptor else self._read_polled(timeout_s)
         except DRIVER_ERRORS as error:
@@ -119,7 +107,7 @@ class SerialTransport(ClosingTransport):
         # The driver's own read would wait for the descriptor once more: a third of a live sample's cost.
         data = os.read(descriptor, TTY_READ_BYTES) if self._is_tty else b""
         if not data:
-            data = self._port.read(MAX_CHUNK_BYTES)  # a socket; or a port that is gone, which the driver has words for
+            data = self._port.read(MAX_CHUNK_BYTES)  # a socket; or a port that is gone: the driver raises
         # Stamped after the read: before it, bytes that came in between would seem to arrive before they were sent.
         return Chunk(data, time.monotonic_ns()) if data else None
 
@@ -133,13 +121,13 @@ class SerialTransport(ClosingTransport):
                 return None
 
     def write(self, data: bytes) -> None:
-        """Send bytes; a port that takes none for a second counts as lost."""
+        """Send bytes; a port that accepts none for a second counts as lost."""
         try:
             self._port.write(data)
         except DRIVER_ERRORS as error:
             raise translate_io_error(error, self.name) from error
 
     def close(self) -> None:
-        """Close the port; a pulled one may fail in this too, and that is no news."""
+        """Close the port; a pulled one may fail in this too, which is known already."""
         with contextlib.suppress(*DRIVER_ERRORS, LinkLostError):
             self._port.close()

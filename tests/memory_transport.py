@@ -1,4 +1,4 @@
-"""A link in memory: for tests, and for whoever feeds bytes from a program."""
+"""A link of the host in memory."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable, Iterable
 
 from host.errors import LinkLostError
-from host.links.transport import AnyChunk, Chunk, ClosingTransport, LinkEnd
+from host.links.transport import AnyChunk, Chunk, LinkEnd, Transport
 
 
-class MemoryTransport(ClosingTransport):
+class MemoryTransport(Transport):
     """Delivers what :meth:`deliver` was given. It does not imitate timing, buffers or driver failures of real ports.
 
     Parameters
@@ -65,7 +65,7 @@ class MemoryTransport(ClosingTransport):
         return item
 
     def write(self, data: bytes) -> None:
-        """Keep what was sent, and tell the other side."""
+        """Keep what was sent, and hand it to the other side."""
         if self.closed:
             raise LinkLostError("the link in memory is closed")
         self.written.append(data)

@@ -1,4 +1,4 @@
-"""The reference tables of ``docs/emulator.md``, made from the code: ``python -m emulator.reference docs/emulator.md``.
+"""The reference tables of ``docs/emulator.md``, made from the code: ``python -m docs.emulator_reference`` writes them.
 
 A test compares the document with what this makes.
 """
@@ -8,15 +8,13 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
-import sys
 from pathlib import Path
 from typing import Any
 
 from emulator.scenario import Scenario, load_scenario, scenario_names
 
-__all__ = ["fill", "key_tables", "scenario_table"]
-
-_BEGIN, _END = "<!-- made from the code: {} -->", "<!-- end of {} -->"
+PAGE = Path(__file__).with_name("emulator.md")
+_START, _END = "<!-- made from the code: {} -->", "<!-- end of {} -->"
 
 
 def scenario_table() -> str:
@@ -69,15 +67,14 @@ def key_tables() -> str:
 
 
 def fill(document: str) -> str:
-    """Return a document with its two marked places filled anew."""
+    """Return a document with its two marked places filled from the code."""
     for name, made in (("scenarios", scenario_table()), ("keys", key_tables())):
-        begin, end = _BEGIN.format(name), _END.format(name)
-        head, _, rest = document.partition(begin)
+        start, end = _START.format(name), _END.format(name)
+        head, _, rest = document.partition(start)
         _, _, tail = rest.partition(end)
-        document = f"{head}{begin}\n\n{made}\n\n{end}{tail}"
+        document = f"{head}{start}\n\n{made}\n\n{end}{tail}"
     return document
 
 
 if __name__ == "__main__":
-    path = Path(sys.argv[1])
-    path.write_text(fill(path.read_text()))
+    PAGE.write_text(fill(PAGE.read_text()))

@@ -1,4 +1,4 @@
-"""A link in memory, for tests: commands are put in, packets and bytes taken out, and its other end has knobs."""
+"""A link of the emulator in memory: commands are put in, bytes taken out, and its other end has knobs."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from emulator.links.byte_stream import ByteLink
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Command
 from firmware_protocol.serial.framing import encode_frame
-
-__all__ = ["MemoryLink"]
 
 
 class MemoryLink(ByteLink):
