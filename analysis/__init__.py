@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from analysis.reporting.style import PaperFigure
-    from analysis.scoring.trial_score import TrialScore
+    from analysis.scoring.result import Result
     from analysis.series import OrientationSeries
 
 __all__ = ["load", "plot", "score"]
@@ -30,11 +30,11 @@ def load(path: str | Path, *, columns: str | None = None, rate_hz: float | None 
 
     Parameters
     ----------
-    path
+    path : str or Path
         The authors' CSV, CSV with named columns, TUM, x-IMU3, parquet, ROS bag, MCAP.
-    columns
+    columns : str, optional
         What the columns mean, e.g. ``"t=time,qw=w,qx=x,qy=y,qz=z"`` (:mod:`analysis.formats.columns`).
-    rate_hz
+    rate_hz : float, optional
         Sampling rate where the file has no time stamps.
 
     Returns
@@ -51,19 +51,19 @@ def load(path: str | Path, *, columns: str | None = None, rate_hz: float | None 
     return read_series(path, columns=columns, rate_hz=rate_hz)
 
 
-def score(series: OrientationSeries, *, window: tuple[float | None, float | None] | None = None) -> TrialScore:
+def score(series: OrientationSeries, *, window: tuple[float | None, float | None] | None = None) -> Result:
     """Score a recording by the benchmark card; see :func:`analysis.scoring.trial.score_series` for every option.
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         The recording.
-    window
+    window : (float or None, float or None), optional
         (from, to) in s; None finds the cycles by itself.
 
     Returns
     -------
-    TrialScore
+    Result
         ``valid`` is False, with the reasons, where no drift can be claimed.
     """
     from analysis.scoring.trial import score_series
@@ -71,16 +71,16 @@ def score(series: OrientationSeries, *, window: tuple[float | None, float | None
     return score_series(series, window=window)
 
 
-def plot(result: TrialScore, series: OrientationSeries, name: str = "rotation_cloud") -> PaperFigure:
+def plot(result: Result, series: OrientationSeries, name: str = "rotation_cloud") -> PaperFigure:
     """Draw a figure of a scored recording; a notebook shows it, ``figure.savefig`` writes it.
 
     Parameters
     ----------
-    result
+    result : Result
         From :func:`score`.
-    series
+    series : OrientationSeries
         From :func:`load`.
-    name
+    name : str, optional
         One of ``rotation_cloud``, ``sphere``, ``translation_cloud``, ``rotation``, ``steps``, ``drift``,
         ``sensitivity``, ``link``.
 
@@ -94,6 +94,11 @@ def plot(result: TrialScore, series: OrientationSeries, name: str = "rotation_cl
     ValueError
         Another name, or nothing to show in it.
     """
-    from analysis.reporting.library import draw
+    from analysis.reporting import style as figure_style
+    from analysis.reporting.figure_set import make_figure
 
-    return draw(result.to_json(), series, name)
+    with figure_style.style():
+        figure = make_figure(series, result, name)
+    if figure is None:
+        raise ValueError(f"this result has nothing to show in the figure {name!r}")
+    return figure

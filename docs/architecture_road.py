@@ -40,7 +40,7 @@ ROAD = (
     Stage("host.screen.dashboard.picture", "host.trial.state.TrialState"),
     Stage("host.recording.load", "analysis.series.OrientationSeries"),
     Stage("analysis.cycles.search", "analysis.cycles.settings.CycleAnalysis"),
-    Stage("analysis.scoring.trial", "analysis.scoring.trial_score.TrialScore"),
+    Stage("analysis.scoring.trial", "analysis.scoring.result.Result"),
     Stage("analysis.reporting.html", "analysis.reporting.trial_report.TrialReport"),
     Stage("host.submission.contents", "host.submission.manifest.Submission"),
 )

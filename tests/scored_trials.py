@@ -1,8 +1,10 @@
-"""Scored trials for the tests of reporting: a simulated motion and its score as JSON values."""
+"""Scored trials for the tests of reporting: a simulated motion and its result."""
 
-import json
+from msgspec import structs
 
 from analysis.reporting.trial_report import CardRow, CardTable, TrialReport
+from analysis.scoring.recorded_parts import Losses
+from analysis.scoring.result import parse_result, result_text
 from analysis.scoring.trial import score_series
 from tests.simulated_motion import simulate, trapezoid
 
@@ -11,11 +13,22 @@ def scored(**settings):
     """A series of twelve cycles with a slip, and its result after a way through JSON, as stored results come."""
     settings = {"cycles": 12, "noise_deg": 0.05, "slip_cycle": 6, "slip_deg": 2.0, **settings}
     series = simulate(trapezoid, **settings).series
-    return series, result_of(series)
+    return series, parse_result(result_text(score_series(series)).encode())
 
 
-def result_of(series):
-    return json.loads(json.dumps(score_series(series).to_json()))
+LOSSES = Losses(
+    produced=1003,
+    received=1000,
+    lost=3,
+    rejected=0,
+    duplicates=0,
+    reordered=0,
+    segments=1,
+    exact=True,
+    dropped_by_device=0,
+    missing=3,
+    share=0.00299,
+)
 
 
 def trial_report(name="t42--cube--roll--01", hand="T42", motion="roll", comments="fine", **settings):
@@ -26,7 +39,7 @@ def trial_report(name="t42--cube--roll--01", hand="T42", motion="roll", comments
         object="cube 60 × 60 × 60 mm",
         motion=motion,
         series=series,
-        result=result,
+        result=structs.replace(result, losses=LOSSES),
         cards=(
             CardTable("Object", (CardRow("type", "cube", required=True), CardRow("mass", "", required=True))),
             CardTable("Hand", (CardRow("model", hand, required=True), CardRow("maker", ""))),
@@ -35,5 +48,4 @@ def trial_report(name="t42--cube--roll--01", hand="T42", motion="roll", comments
         missing=("object.mass_g",),
         notes=("a note",),
         provenance=(("recording", "roll.mcap"), ("SHA-256", "0" * 64)),
-        losses={"received": 1000, "lost": 3},
     )

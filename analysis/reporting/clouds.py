@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from analysis.geometry import rotations
+from analysis.scoring.result import Result
 from analysis.series import FloatArray, OrientationSeries
 
 MAX_CLOUD_POINTS = 3000
-"""A cloud is thinned evenly to this many points: more cannot be told apart in print, and a report stays small."""
+"""A cloud is thinned evenly to this many points: more cannot be distinguished in print, and a report stays small."""
 
 BODY_AXES = ("x", "y", "z")
 
@@ -41,23 +41,23 @@ class Clouds:
     """(n, 3) as ``positions_mm``."""
 
 
-def clouds_of(series: OrientationSeries, result: dict[str, Any], max_points: int = MAX_CLOUD_POINTS) -> Clouds:
-    """Make the clouds of a scored recording.
+def clouds_of(series: OrientationSeries, result: Result, max_points: int = MAX_CLOUD_POINTS) -> Clouds:
+    """Return the clouds of a scored recording.
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         The recording.
-    result
-        Its score as JSON values: ``endpoints`` with ``time_s`` and ``quat_wxyz``.
-    max_points
+    result : Result
+        Its score.
+    max_points : int, optional
         Samples beyond this number are thinned evenly.
 
     Returns
     -------
     Clouds
     """
-    times_s, quats = endpoint_arrays(result)
+    times_s, quats = result.endpoint_times_s, result.endpoint_quats_wxyz
     step = max(1, -(-len(series) // max_points))
     rows = np.arange(0, len(series), step)
     reference = quats[0] if len(quats) else series.quats_wxyz[0]
@@ -87,23 +87,15 @@ def clouds_of(series: OrientationSeries, result: dict[str, Any], max_points: int
     )
 
 
-def endpoint_arrays(result: dict[str, Any]) -> tuple[FloatArray, FloatArray]:
-    """Take times (n,) in s and orientations (n, 4) of the end points out of a result."""
-    endpoints = result.get("endpoints") or []
-    times_s = np.array([point["time_s"] for point in endpoints], dtype=np.float64)
-    quats = np.array([point["quat_wxyz"] for point in endpoints], dtype=np.float64).reshape(-1, 4)
-    return times_s, quats
-
-
 def turn_about_axis(series: OrientationSeries, axis: npt.ArrayLike | None) -> tuple[FloatArray, FloatArray]:
-    """Angle turned about a fixed axis since the first sample, not limited to ±180 degrees.
+    """Return the angle turned about a fixed axis since the first sample, not limited to ±180 degrees.
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         The recording.
-    axis
-        (3,) unit axis, world frame; None for the axis with most of the motion.
+    axis : (3,) array_like or None
+        Unit axis, world frame; None for the axis with most of the motion.
 
     Returns
     -------
@@ -124,7 +116,7 @@ def turn_about_axis(series: OrientationSeries, axis: npt.ArrayLike | None) -> tu
 
 
 def _full_log(quats: FloatArray) -> FloatArray:
-    """(m, 3) rotation vector by the sign given, length in [0, 2π): continuous where the quaternions are."""
+    """Return (m, 3) rotation vectors by the sign given, length in [0, 2π): continuous where the quaternions are."""
     length = np.linalg.norm(quats[:, 1:], axis=1)
     angle = 2.0 * np.arctan2(length, quats[:, 0])
     factor: FloatArray = np.divide(angle, length, out=np.full_like(length, 2.0), where=length > 1e-12)

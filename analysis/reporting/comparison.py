@@ -6,17 +6,23 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import msgspec
+
 from analysis.reporting import style as look
-from analysis.reporting.errors import ComparisonError
-from analysis.reporting.tables import PooledFigure, TrialFigure, pool
+from analysis.reporting.tables import SummaryRow, TrialFigure, pool
+from analysis.series import AnalysisError
 
 MANY = 10
-"""From so many differences on it is said how many of them chance alone may call larger."""
+"""From so many differences on, a note counts those that chance alone may call larger."""
 CRITERION = (
     "A difference counts as larger than its uncertainty when it exceeds the root of the sum of squares of the two 95 % "
     "half-widths that face each other (never narrower than Welch's interval)."
 )
 """How differences are judged, for tables and pages."""
+
+
+class ComparisonError(AnalysisError):
+    """Results that must not be compared without a warning: other conventions, other score versions; names them."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +36,7 @@ class ComparedSource:
     trials: tuple[TrialFigure, ...]
     """Its trials."""
     note: str = ""
-    """What to say about it, e.g. that it is incomplete."""
+    """What a reader has to know about it, e.g. that it is incomplete."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +68,7 @@ class Difference:
 class Comparison:
     """Everything compared."""
 
-    rows: tuple[PooledFigure, ...]
+    rows: tuple[SummaryRow, ...]
     """Hand, object, motion, pooled within each source."""
     differences: tuple[Difference, ...]
     """All pairs of hands with the same object and motion."""
@@ -71,15 +77,15 @@ class Comparison:
 
 
 def compare(sources: Sequence[ComparedSource], *, mix: bool = False) -> Comparison:
-    """Put results side by side.
+    """Return results side by side.
 
     Parameters
     ----------
-    sources
+    sources : sequence of ComparedSource
         Submissions and results. Repeats are pooled within a source; the same hand in two sources stays two rows, each
         with the name of its source.
-    mix
-        Whether results made by different rules may stand in one table; the notes then say so.
+    mix : bool, optional
+        Whether results made by different rules may stand in one table; the notes then name them.
 
     Returns
     -------
@@ -99,11 +105,11 @@ def compare(sources: Sequence[ComparedSource], *, mix: bool = False) -> Comparis
     for place, source in enumerate(sources):
         for trial in source.trials:
             keys.setdefault((trial.hand, trial.object, trial.motion), set()).add(place)
-    rows: list[PooledFigure] = []
+    rows: list[SummaryRow] = []
     for source in sources:
         for row in pool(source.trials):
             several = len(keys[row.hand, row.object, row.motion]) > 1
-            rows.append(replace(row, hand=f"{row.hand} [{source.name}]") if several else row)
+            rows.append(msgspec.structs.replace(row, hand=f"{row.hand} [{source.name}]") if several else row)
     rows.sort(key=lambda row: (row.object, row.motion, row.hand))
     differences = _differences(rows)
     known = sum(difference.larger is not None for difference in differences)
@@ -123,46 +129,46 @@ def _mixed(sources: Sequence[ComparedSource]) -> list[str]:
         for source in sources:
             values.setdefault(dict(source.rules).get(name, "not said"), []).append(source.name)
         if len(values) > 1:
-            said = ", ".join(f"'{value}' in {' and '.join(where)}" for value, where in values.items())
-            found.append(f"{name} is {said}")
+            stated = ", ".join(f"'{value}' in {' and '.join(where)}" for value, where in values.items())
+            found.append(f"{name} is {stated}")
     return found
 
 
-def _differences(rows: Sequence[PooledFigure]) -> list[Difference]:
+def _differences(rows: Sequence[SummaryRow]) -> list[Difference]:
     found = []
     for place, first in enumerate(rows):
         for second in rows[place + 1 :]:
             if (first.object, first.motion) != (second.object, second.motion):
                 continue
-            if first.mean_deg is None or second.mean_deg is None:
+            if first.theta_bar_mean_deg is None or second.theta_bar_mean_deg is None:
                 continue
-            more, less = (first, second) if first.mean_deg >= second.mean_deg else (second, first)
-            assert more.mean_deg is not None
-            assert less.mean_deg is not None
-            uncertainty = None
-            if more.interval_deg is not None and less.interval_deg is not None:
-                uncertainty = math.hypot(
-                    _half_below(more.mean_deg, more.interval_deg), less.interval_deg[1] - less.mean_deg
-                )
-            found.append(
-                Difference(first.object, first.motion, more.hand, less.hand, more.mean_deg - less.mean_deg, uncertainty)
-            )
+            if first.theta_bar_mean_deg >= second.theta_bar_mean_deg:
+                found.append(_difference(first, first.theta_bar_mean_deg, second, second.theta_bar_mean_deg))
+            else:
+                found.append(_difference(second, second.theta_bar_mean_deg, first, first.theta_bar_mean_deg))
     return found
 
 
+def _difference(more: SummaryRow, more_deg: float, less: SummaryRow, less_deg: float) -> Difference:
+    uncertainty = None
+    if more.interval_deg is not None and less.interval_deg is not None:
+        uncertainty = math.hypot(_half_below(more_deg, more.interval_deg), less.interval_deg[1] - less_deg)
+    return Difference(more.object, more.motion, more.hand, less.hand, more_deg - less_deg, uncertainty)
+
+
 def _half_below(mean_deg: float, ends: tuple[float, float]) -> float:
-    """Half-width below a mean: an interval that was cut at 0 is as wide below as above, or wider."""
+    """Return the half-width below a mean: an interval that was cut at 0 is as wide below as above, or wider."""
     return max(mean_deg - ends[0], ends[1] - mean_deg)
 
 
-def compare_figures(rows: Sequence[PooledFigure], whole: Comparison) -> Comparison:
-    """Take some rows out of a comparison, with every difference that has to do with them.
+def compare_figures(rows: Sequence[SummaryRow], whole: Comparison) -> Comparison:
+    """Return some rows of a comparison, with every difference that has to do with them.
 
     Parameters
     ----------
-    rows
+    rows : sequence of SummaryRow
         Which.
-    whole
+    whole : Comparison
         Where they come from.
     """
     hands = {(row.object, row.motion, row.hand) for row in rows}
@@ -175,7 +181,7 @@ def compare_figures(rows: Sequence[PooledFigure], whole: Comparison) -> Comparis
 
 
 def difference_text(difference: Difference) -> str:
-    """Write a difference as a sentence."""
+    """Return a difference as a sentence."""
     size = f"{difference.one} drifts {difference.difference_deg:.3f}° per cycle more than {difference.other}"
     if difference.uncertainty_deg is None:
         verdict = "no interval: whether that is more than chance is not known"
@@ -185,13 +191,13 @@ def difference_text(difference: Difference) -> str:
     return f"{difference.object}, {difference.motion}: {size}; {verdict}"
 
 
-def forest_figure(rows: Sequence[PooledFigure]) -> look.PaperFigure:
-    """Draw θ̄ of every row with its interval, grouped by object and motion.
+def forest_figure(rows: Sequence[SummaryRow]) -> look.PaperFigure:
+    """Return a figure: θ̄ of every row with its interval, grouped by object and motion.
 
     Parameters
     ----------
-    rows
-        As :func:`compare` gives them; call inside :func:`analysis.reporting.style.style`.
+    rows : sequence of SummaryRow
+        In the order of the figure; call inside :func:`analysis.reporting.style.style`.
     """
     groups = list(dict.fromkeys((row.object, row.motion) for row in rows))
     figure = look.new_figure(0.9 + 0.21 * (len(rows) + len(groups)), 6.0)
@@ -206,14 +212,14 @@ def forest_figure(rows: Sequence[PooledFigure]) -> look.PaperFigure:
         for row in (row for row in rows if (row.object, row.motion) == group):
             ticks.append(y)
             labels.append(_short(row.hand, 32))
-            if row.mean_deg is None:
+            if row.theta_bar_mean_deg is None:
                 text = "no score"
             else:
                 if row.interval_deg is not None:
                     ax.plot(row.interval_deg, [y, y], "-", color=look.BLUE, lw=1.8, solid_capstyle="butt")
-                ax.plot(row.mean_deg, y, "s", color=look.VERMILION, ms=4.5, mec="white", mew=0.4)
+                ax.plot(row.theta_bar_mean_deg, y, "s", color=look.VERMILION, ms=4.5, mec="white", mew=0.4)
                 ends = "" if row.interval_deg is None else f" ({row.interval_deg[0]:.3f} … {row.interval_deg[1]:.3f})"
-                text = f"{row.mean_deg:.3f}{ends}, n = {row.n_valid}"
+                text = f"{row.theta_bar_mean_deg:.3f}{ends}, n = {row.n_valid}"
             ax.annotate(
                 text, (1.01, y), xycoords=("axes fraction", "data"), va="center", fontsize=6.5, annotation_clip=False
             )
@@ -229,7 +235,14 @@ def forest_figure(rows: Sequence[PooledFigure]) -> look.PaperFigure:
     return figure
 
 
+def forest_bytes(rows: Sequence[SummaryRow], kind: str) -> bytes:
+    """Return the forest figure as a file of this kind (``png``, ``svg``, ``pdf``), sorted by object, motion, hand."""
+    with look.style():
+        ordered = sorted(rows, key=lambda row: (row.object, row.motion, row.hand))
+        return look.figure_bytes(forest_figure(ordered), kind)
+
+
 def _short(text: str, most: int) -> str:
-    """Cut a long name where there is no room: its head and its end tell it from others."""
+    """Return a long name cut where there is no room: head and end distinguish it from others."""
     kept = look.drawable(text)
     return kept if len(kept) <= most else f"{kept[: most - most // 3 - 1]}…{kept[-(most // 3) :]}"

@@ -9,6 +9,8 @@ from analysis.reporting import cloud_figures, figures
 from analysis.reporting import style as look
 from analysis.reporting.clouds import clouds_of
 from analysis.reporting.trial_report import TrialReport
+from analysis.scoring.result import Result
+from analysis.series import OrientationSeries
 
 
 @dataclass(frozen=True)
@@ -46,67 +48,62 @@ CAPTIONS = {
 
 
 def draw_figures(trial: TrialReport, formats: tuple[str, ...] = look.FORMATS) -> tuple[NamedFigure, ...]:
-    """Draw every figure a trial has.
+    """Return every figure that a trial has.
 
     Parameters
     ----------
-    trial
+    trial : TrialReport
         What to draw.
-    formats
+    formats : tuple of str, optional
         Which files to make of each.
 
     Returns
     -------
     In the order of ``CAPTIONS``; figures without data are left out.
     """
+    doubt = "" if trial.result.valid else " No score is claimed: these end points are only what was found."
     drawn = []
-    for name in CAPTIONS:
+    for name, caption in CAPTIONS.items():
         with look.style():
-            figure = make_figure(trial, name)
+            figure = make_figure(trial.series, trial.result, name)
         if figure is not None:
             files = {kind: look.figure_bytes(figure, kind) for kind in formats}
-            drawn.append(NamedFigure(name, caption(trial, name), files))
+            drawn.append(NamedFigure(name, caption + (doubt if name != "link" else ""), files))
     return tuple(drawn)
 
 
-def caption(trial: TrialReport, name: str) -> str:
-    """Say what a figure shows; of end points that make no score, that too.
+def make_figure(series: OrientationSeries, result: Result, name: str) -> look.PaperFigure | None:
+    """Return one figure; call inside :func:`analysis.reporting.style.style`.
 
     Parameters
     ----------
-    trial
-        What is drawn.
-    name
-        One of ``CAPTIONS``.
-    """
-    doubtful = not trial.view.valid and name != "link"
-    return CAPTIONS[name] + (" No score is claimed: these end points are only what was found." if doubtful else "")
-
-
-def make_figure(trial: TrialReport, name: str) -> look.PaperFigure | None:
-    """Make one figure; call inside :func:`analysis.reporting.style.style`.
-
-    Parameters
-    ----------
-    trial
-        What to draw.
-    name
+    series : OrientationSeries
+        The recording.
+    result : Result
+        Its score.
+    name : str
         One of ``CAPTIONS``.
 
     Returns
     -------
-    The figure, or None where the trial has nothing to show in it.
+    The figure, or None where there is nothing to show in it.
+
+    Raises
+    ------
+    ValueError
+        Another name.
     """
-    series, result = trial.series, trial.result
-    enough = len(trial.view.steps_deg) > 0
+    scored = bool(result.steps_deg)
     makers: dict[str, Callable[[], look.PaperFigure | None]] = {
         "rotation_cloud": lambda: cloud_figures.rotation_cloud_figure(clouds_of(series, result)),
         "sphere": lambda: cloud_figures.sphere_figure(clouds_of(series, result)),
         "translation_cloud": lambda: cloud_figures.translation_cloud_figure(clouds_of(series, result)),
         "rotation": lambda: figures.rotation_figure(series, result),
-        "steps": lambda: figures.steps_figure(result) if enough else None,
-        "drift": lambda: figures.drift_figure(result) if enough else None,
-        "sensitivity": lambda: figures.sensitivity_figure(result) if trial.view.sensitivity() else None,
-        "link": lambda: figures.link_figure(series, trial.losses) if series.times_measured else None,
+        "steps": lambda: figures.steps_figure(result) if scored else None,
+        "drift": lambda: figures.drift_figure(result) if scored else None,
+        "sensitivity": lambda: figures.sensitivity_figure(result) if scored else None,
+        "link": lambda: figures.link_figure(series, result.losses) if series.times_measured else None,
     }
+    if name not in makers:
+        raise ValueError(f"there is no figure {name!r}; there are {', '.join(makers)}")
     return makers[name]()

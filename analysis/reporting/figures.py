@@ -1,12 +1,12 @@
 """The flat figures of a trial: rotation over time, steps, drift path, sensitivity, link.
 
-Every function takes the series and the score as JSON values, and returns a matplotlib figure one paper column wide.
+Every function takes the series and its result, and returns a matplotlib figure one paper column wide.
 Make and save them inside :func:`analysis.reporting.style.style`.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import FigureBase
@@ -14,31 +14,33 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from analysis.geometry import rotations
 from analysis.reporting import style as look
-from analysis.reporting.clouds import endpoint_arrays, turn_about_axis
+from analysis.reporting.clouds import turn_about_axis
 from analysis.reporting.point_numbers import draw_numbers
-from analysis.reporting.result_view import ResultView
+from analysis.scoring.recorded_parts import Losses
+from analysis.scoring.result import Result
+from analysis.scoring.summary import vector_text
 from analysis.series import FloatArray, OrientationSeries
 
 MAX_LINE_POINTS = 6000
-"""A line over time is thinned to its extremes in half as many stretches: what a column of print can show."""
+"""A line over time is thinned to its extremes in half as many parts: what a column of print can show."""
 
 
-def summary_figure(series: OrientationSeries, result: dict[str, Any], title: str) -> look.PaperFigure:
+def summary_figure(series: OrientationSeries, result: Result, title: str) -> look.PaperFigure:
     """Draw one trial on one page: rotation over time, steps, and how much θ̄ depends on choices.
 
     Without a score there are no steps and nothing that depends on them: rotation over time alone.
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         The recording.
-    result
-        Its score as JSON values.
-    title
+    result : Result
+        Its score.
+    title : str
         Above it all, e.g. θ̄ and the name of the file.
     """
     title_in, upper_in, lower_in = 0.16 * (2 + title.count("\n")), 2.1, max(1.9, _sensitivity_height_in(result))
-    if ResultView.of(result).theta_bar_deg is None:
+    if result.theta_bar_deg is None:
         lower_in = 0.0
     figure = look.new_figure(title_in + upper_in + lower_in, width_in=2.0 * look.COLUMN_IN)
     figure.suptitle(look.drawable(title), fontsize=8.5)
@@ -53,25 +55,25 @@ def summary_figure(series: OrientationSeries, result: dict[str, Any], title: str
     return figure
 
 
-def rotation_figure(series: OrientationSeries, result: dict[str, Any]) -> look.PaperFigure:
+def rotation_figure(series: OrientationSeries, result: Result) -> look.PaperFigure:
     """Draw the angle about the motion axis over time, with window and numbered end points."""
     figure = look.new_figure(2.1)
     _draw_rotation(figure, series, result)
     return figure
 
 
-def _draw_rotation(figure: FigureBase, series: OrientationSeries, result: dict[str, Any]) -> None:
-    view = ResultView.of(result)
-    angle_deg, axis = turn_about_axis(series, view.motion_axis)
-    times_s, _ = endpoint_arrays(result)
+def _draw_rotation(figure: FigureBase, series: OrientationSeries, result: Result) -> None:
+    motion_axis = None if None in result.cycles.axis else np.array(result.cycles.axis, dtype=np.float64)
+    angle_deg, axis = turn_about_axis(series, motion_axis)
+    times_s = result.endpoint_times_s
     at_endpoints = np.interp(times_s, series.times_s, angle_deg)
     origin = at_endpoints[0] if len(at_endpoints) else 0.0
     start_s = float(series.times_s[0])
     ax = figure.subplots()
-    if view.window_s is not None:
+    if len(times_s):
         ax.axvspan(
-            view.window_s[0] - start_s,
-            view.window_s[1] - start_s,
+            times_s[0] - start_s,
+            times_s[-1] - start_s,
             color=look.LIGHT,
             alpha=0.45,
             lw=0,
@@ -106,26 +108,26 @@ def _draw_rotation(figure: FigureBase, series: OrientationSeries, result: dict[s
     ax.set_xlabel("time since the first sample (s)")
     ax.set_ylabel("rotation about the\nmotion axis (°)")
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.5)
-    ax.set_title(f"motion axis {look.vector(axis)}, world frame", fontsize=6.5, color=look.GREY, loc="right", pad=2)
+    ax.set_title(f"motion axis {vector_text(axis)}, world frame", fontsize=6.5, color=look.GREY, loc="right", pad=2)
 
 
-def steps_figure(result: dict[str, Any]) -> look.PaperFigure:
+def steps_figure(result: Result) -> look.PaperFigure:
     """Draw the step angle of every cycle, with θ̄ and its interval."""
     figure = look.new_figure(1.9)
     _draw_steps(figure, result)
     return figure
 
 
-def _draw_steps(figure: FigureBase, result: dict[str, Any]) -> None:
-    view = ResultView.of(result)
+def _draw_steps(figure: FigureBase, result: Result) -> None:
     ax = figure.subplots()
-    numbers = np.arange(1, len(view.steps_deg) + 1)
-    flagged = np.array([bool(flags) for flags in view.step_flags], dtype=bool)
-    ax.bar(numbers, view.steps_deg, color=look.SKY, width=0.75, label="step of one cycle", zorder=2)
+    steps_deg = np.array(result.steps_deg)
+    numbers = np.arange(1, len(steps_deg) + 1)
+    flagged = np.array([bool(flags) for flags in result.flags[1 : len(steps_deg) + 1]], dtype=bool)
+    ax.bar(numbers, steps_deg, color=look.SKY, width=0.75, label="step of one cycle", zorder=2)
     if flagged.any():
         ax.bar(
             numbers[flagged],
-            view.steps_deg[flagged],
+            steps_deg[flagged],
             color=look.ORANGE,
             hatch="////",
             edgecolor="white",
@@ -134,11 +136,13 @@ def _draw_steps(figure: FigureBase, result: dict[str, Any]) -> None:
             label="flagged as odd",
             zorder=3,
         )
-    if view.interval_deg is not None:
-        low, high = view.interval_deg
+    if result.interval_deg is not None:
+        low, high = result.interval_deg
         ax.axhspan(low, high, color=look.VERMILION, alpha=0.18, lw=0, zorder=4, label="95 % interval of θ̄")
-    if view.theta_bar_deg is not None:
-        ax.axhline(view.theta_bar_deg, color=look.VERMILION, lw=1.2, zorder=5, label=f"θ̄ = {view.theta_bar_deg:.3f}°")
+    if result.theta_bar_deg is not None:
+        ax.axhline(
+            result.theta_bar_deg, color=look.VERMILION, lw=1.2, zorder=5, label=f"θ̄ = {result.theta_bar_deg:.3f}°"
+        )
     ax.set_xlim(0.4, max(len(numbers), 1) + 0.6)
     ax.set_ylim(bottom=0.0)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -147,9 +151,9 @@ def _draw_steps(figure: FigureBase, result: dict[str, Any]) -> None:
     figure.legend(loc="outside upper center", ncols=2, handlelength=1.5)
 
 
-def drift_figure(result: dict[str, Any]) -> look.PaperFigure:
+def drift_figure(result: Result) -> look.PaperFigure:
     """Draw where the end points wander: numbered, in the plane of the largest drift, deg from the first one."""
-    _, quats = endpoint_arrays(result)
+    quats = result.endpoint_quats_wxyz
     figure = look.new_figure(2.1)
     ax = figure.subplots()
     if len(quats):
@@ -171,7 +175,7 @@ def drift_figure(result: dict[str, Any]) -> look.PaperFigure:
         )
         shares = np.sort(values)[::-1] / max(float(values.sum()), 1e-300)
         for set_label, column in ((ax.set_xlabel, 0), (ax.set_ylabel, 1)):
-            set_label(f"rotation about{' ' if column == 0 else chr(10)}{look.vector(plane[:, column])} (°)")
+            set_label(f"rotation about{' ' if column == 0 else chr(10)}{vector_text(plane[:, column])} (°)")
         net = float(np.linalg.norm(vectors[-1]))
         ax.set_title(
             f"arrow: first to last end point, {net:.2f}° in {len(quats) - 1} cycles\n"
@@ -188,20 +192,62 @@ def drift_figure(result: dict[str, Any]) -> look.PaperFigure:
     return figure
 
 
-def _sensitivity_height_in(result: dict[str, Any]) -> float:
-    return 0.55 + 0.2 * max(len(ResultView.of(result).sensitivity()), 3)
+@dataclass(frozen=True)
+class SensitivityRow:
+    """One line of the sensitivity figure: a number, or a range."""
+
+    label: str
+    """What was done differently."""
+    value: float | None
+    """θ̄ in degrees; None where only a range makes sense."""
+    low: float
+    """Lower end, deg."""
+    high: float
+    """Upper end, deg."""
+    is_score: bool = False
+    """Whether this is θ̄ itself."""
 
 
-def sensitivity_figure(result: dict[str, Any]) -> look.PaperFigure:
+def sensitivity(result: Result) -> list[SensitivityRow]:
+    """Return θ̄ and what it would be with other choices; empty without a score."""
+    theta, companions, other = result.theta_bar_deg, result.companions, result.other_extreme
+    if theta is None or companions is None:
+        return []
+    sweep = companions.over_phase_deg
+    low, high = result.interval_deg or (theta, theta)
+    rows = [
+        SensitivityRow("θ̄, as the card says", theta, low, high, is_score=True),
+        _number_row("without the first end point", companions.without_first_deg),
+        _number_row("without the last end point", companions.without_last_deg),
+        _range_row("each cycle left out in turn", companions.leave_one_out_deg),
+        _number_row("at the other extreme", None if other is None else other.theta_bar_deg),
+        _range_row("at any phase of the cycle", None if sweep is None else (sweep.min, sweep.max)),
+        _number_row("slope over all end points", companions.slope_deg_per_cycle),
+    ]
+    return [row for row in rows if row is not None]
+
+
+def _number_row(label: str, value: float | None) -> SensitivityRow | None:
+    return None if value is None else SensitivityRow(label, value, value, value)
+
+
+def _range_row(label: str, ends: tuple[float, float] | None) -> SensitivityRow | None:
+    return None if ends is None else SensitivityRow(label, None, *ends)
+
+
+def _sensitivity_height_in(result: Result) -> float:
+    return 0.55 + 0.2 * max(len(sensitivity(result)), 3)
+
+
+def sensitivity_figure(result: Result) -> look.PaperFigure:
     """Draw θ̄ beside what it would be with other choices: ends left out, each cycle left out, other extreme, phase."""
     figure = look.new_figure(_sensitivity_height_in(result))
     _draw_sensitivity(figure, result)
     return figure
 
 
-def _draw_sensitivity(figure: FigureBase, result: dict[str, Any]) -> None:
-    view = ResultView.of(result)
-    rows = view.sensitivity()
+def _draw_sensitivity(figure: FigureBase, result: Result) -> None:
+    rows = sensitivity(result)
     ax = figure.subplots()
     for place, row in enumerate(rows):
         if row.low != row.high:
@@ -213,8 +259,8 @@ def _draw_sensitivity(figure: FigureBase, result: dict[str, Any]) -> None:
         ax.annotate(
             text, (1.02, place), xycoords=("axes fraction", "data"), va="center", fontsize=6, annotation_clip=False
         )
-    if view.theta_bar_deg is not None:
-        ax.axvline(view.theta_bar_deg, color=look.VERMILION, lw=0.6, ls=":")
+    if result.theta_bar_deg is not None:
+        ax.axvline(result.theta_bar_deg, color=look.VERMILION, lw=0.6, ls=":")
     ax.set_yticks(range(len(rows)), [row.label for row in rows])
     ax.invert_yaxis()
     ax.set_xlim(0.0, 1.06 * max([row.high for row in rows], default=0.0) or 1.0)
@@ -225,15 +271,15 @@ def _draw_sensitivity(figure: FigureBase, result: dict[str, Any]) -> None:
     ax.set_xlabel("θ̄ (° per cycle)")
 
 
-def link_figure(series: OrientationSeries, losses: dict[str, Any] | None = None) -> look.PaperFigure:
+def link_figure(series: OrientationSeries, losses: Losses | None = None) -> look.PaperFigure:
     """Draw the quality of the samples: their distance over time, and where some are missing.
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         The recording.
-    losses
-        Counters of the link (numbers by name), printed below; None where there was no link.
+    losses : Losses, optional
+        The account of the samples, printed below; None where there was no link.
     """
     figure = look.new_figure(1.45 if losses is None else 1.7)
     ax = figure.subplots()
@@ -264,15 +310,15 @@ def link_figure(series: OrientationSeries, losses: dict[str, Any] | None = None)
         color=look.INK,
         loc="left",
     )
-    if losses:
-        counted = [f"{name.replace('_', ' ')} {value}" for name, value in losses.items() if type(value) is int]
-        if counted:
-            figure.supxlabel(_wrapped(counted, 92), fontsize=6, color=look.GREY)
+    if losses is not None:
+        counts = [(name, getattr(losses, name)) for name in losses.__struct_fields__]
+        counted = [f"{name.replace('_', ' ')} {count}" for name, count in counts if type(count) is int]
+        figure.supxlabel(_wrapped(counted, 92), fontsize=6, color=look.GREY)
     return figure
 
 
 def row_colour(is_score: bool) -> str:
-    """Colour of the score and of what stands beside it."""
+    """Return the colour of the score, or of what stands beside it."""
     return look.VERMILION if is_score else look.BLUE
 
 
@@ -284,19 +330,19 @@ def _missing(series: OrientationSeries, gaps_ms: FloatArray, usual_ms: float) ->
 
 
 def _thinned(times_s: FloatArray, values: FloatArray, most: int = MAX_LINE_POINTS) -> tuple[FloatArray, FloatArray]:
-    """Keep the smallest and the largest value of every stretch, so that thinning hides no peak."""
+    """Return the smallest and the largest value of every part, so that thinning hides no peak."""
     if len(times_s) <= most:
         return times_s, values
     starts = np.linspace(0, len(times_s), most // 2, endpoint=False).astype(np.int64)
     kept = []
     for first, last in zip(starts, np.append(starts[1:], len(times_s)), strict=True):
-        stretch = values[first:last]
-        kept += sorted({int(first + stretch.argmin()), int(first + stretch.argmax())})
+        part = values[first:last]
+        kept += sorted({int(first + part.argmin()), int(first + part.argmax())})
     return times_s[kept], values[kept]
 
 
 def numbers_shown(n: int, most: int) -> list[int]:
-    """Which of n end points carry their number: all, or every k-th with the last."""
+    """Return which of n end points carry their number: all, or every k-th with the last."""
     step = max(1, -(-n // most))
     shown = list(range(0, n, step))
     if n and shown[-1] != n - 1:

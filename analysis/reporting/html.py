@@ -6,21 +6,23 @@ import base64
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import jinja2
 from markupsafe import Markup
 
-from analysis.reporting import overview, wording
+from analysis.reporting import wording
+from analysis.reporting.comparison import forest_bytes
 from analysis.reporting.figure_set import NamedFigure, draw_figures
 from analysis.reporting.interactive import plotly_base64, scenes
+from analysis.reporting.tables import COLUMNS, pool
 from analysis.reporting.trial_report import TrialReport
+from analysis.scoring.summary import degrees, interval_text, trust_rows
 
 TEMPLATES = Path(__file__).parent / "templates"
 
 
 def environment() -> jinja2.Environment:
-    """Make the template environment: everything escaped, a forgotten name is an error."""
+    """Return the template environment: everything escaped, a forgotten name is an error."""
     return jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -38,19 +40,19 @@ def report_html(
     drawn: dict[str, tuple[NamedFigure, ...]] | None = None,
     forest: dict[str, bytes] | None = None,
 ) -> str:
-    """Write the report of one or several trials.
+    """Return the report of one or several trials.
 
     Parameters
     ----------
-    trials
+    trials : sequence of TrialReport
         In the order of the report.
-    title
+    title : str
         Title of the page.
-    version
+    version : str
         Version of rotdrift, for the reader.
-    drawn
+    drawn : dict, optional
         Figures by trial id with a ``svg`` and a ``png`` of each, where they were drawn already.
-    forest
+    forest : dict, optional
         The figure of the whole as ``svg``, where it was drawn already.
 
     Returns
@@ -58,20 +60,20 @@ def report_html(
     The page. Every text of cards, devices and files stands in it as text, never as markup.
     """
     plotly = plotly_base64()
-    pooled = overview.pooled(trials)
+    pooled = pool([trial.figure for trial in trials])
     pages = [
         _trial_values(trial, (drawn or {}).get(trial.id) or draw_figures(trial, ("png", "svg"))) for trial in trials
     ]
     template = environment().get_template("report.html")
-    values: dict[str, Any] = {
+    values: dict[str, object] = {
         "title": title,
         "version": version,
-        "trials": pages,
+        "pages": pages,
         "about": wording.ABOUT,
         "pooled": pooled if any(row.n_trials > 1 for row in pooled) else [],
-        "pooled_columns": overview.COLUMNS,
-        "cells": overview.cells,
-        "forest": _data_uri("image/svg+xml", (forest or {}).get("svg") or overview.forest(pooled, "svg"))
+        "pooled_columns": COLUMNS,
+        "cycle_columns": wording.CYCLE_COLUMNS,
+        "forest": _data_uri("image/svg+xml", (forest or {}).get("svg") or forest_bytes(pooled, "svg"))
         if len(trials) > 1
         else "",
         "incomplete": wording.missing_lines(trials),
@@ -82,8 +84,7 @@ def report_html(
     size = len(template.render(**values, sizes="").encode())
     sizes = (
         f"Size: {size / 1e6:.2f} MB, of which {len(plotly) / 1e6:.2f} MB are plotly.js (its 3-D bundle only, "
-        f"compressed; MIT "
-        "licence)."
+        "compressed; MIT licence)."
     )
     return template.render(**values, sizes=sizes)
 
@@ -92,37 +93,22 @@ def _own(name: str) -> Markup:
     return Markup((TEMPLATES / name).read_text(encoding="utf-8"))  # noqa: S704 - our own file
 
 
-def _trial_values(trial: TrialReport, figures: Sequence[NamedFigure]) -> dict[str, Any]:
+def _trial_values(trial: TrialReport, figures: Sequence[NamedFigure]) -> dict[str, object]:
+    """Return what the page shows of a trial beside the trial itself."""
     found = scenes(trial)
-    view = trial.view
     return {
-        "id": trial.id,
-        "title": trial.title,
-        "hand": trial.hand,
-        "object": trial.object,
-        "motion": trial.motion,
-        "valid": view.valid,
-        "theta": wording.degrees(view.theta_bar_deg),
-        "interval": wording.interval_text(trial),
-        "n_endpoints": view.n_endpoints,
-        "period": "" if view.period_s is None else f"{view.period_s:.2f}",
+        "trial": trial,
+        "result": trial.result,
+        "theta": degrees(trial.result.theta_bar_deg),
+        "interval": interval_text(trial.result),
         "verdict": wording.verdict(trial),
-        "reasons": trial.result.get("reasons") or ["the result gives no reason"],
-        "warnings": trial.result.get("warnings") or [],
-        "trust": wording.trust_rows(trial),
+        "trust": trust_rows(trial.result),
         "scenes": found,
         "scenes_json": _json_in_html(found),
         "still": _data_uri("image/png", figures[0].files["png"]),
-        "figures": [
-            {"caption": figure.caption, "src": _data_uri("image/svg+xml", figure.files["svg"])} for figure in figures
-        ],
-        "comments": trial.comments,
-        "cards": trial.cards,
+        "figures": [(figure.caption, _data_uri("image/svg+xml", figure.files["svg"])) for figure in figures],
         "methods": wording.methods_text(trial),
         "cycles": wording.cycle_rows(trial),
-        "cycle_columns": wording.CYCLE_COLUMNS,
-        "provenance": trial.provenance,
-        "notes": trial.notes,
     }
 
 
@@ -131,7 +117,7 @@ def _data_uri(kind: str, content: bytes) -> str:
 
 
 def _json_in_html(values: object) -> Markup:
-    """JSON that cannot end the script element it stands in."""
+    """Return JSON that cannot end the script element it stands in."""
     text = json.dumps(values, allow_nan=False, separators=(",", ":"))
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,20 +19,23 @@ from analysis.series import FloatArray
 
 BUNDLE = Path(__file__).parent / "assets" / "plotly-gl3d.min.js.gz"
 MAX_POINTS = 2000
+Scene: TypeAlias = dict[str, object]
+"""``title``, and ``data`` and ``layout`` for plotly.js."""
+_Trace: TypeAlias = dict[str, object]
 _PLOTLY_MARKERS = ("circle", "diamond", "square")
 
 
 def plotly_base64() -> str:
-    """Read the 3-D bundle of plotly.js: gzip, as base64."""
+    """Return the 3-D bundle of plotly.js: gzip, as base64."""
     return base64.b64encode(BUNDLE.read_bytes()).decode("ascii")
 
 
-def scenes(trial: TrialReport) -> list[dict[str, Any]]:
-    """Make the 3-D scenes of a trial: rotation, its end points alone, object axes, and translation where known.
+def scenes(trial: TrialReport) -> list[Scene]:
+    """Return the 3-D scenes of a trial: rotation, its end points alone, object axes, and translation where known.
 
     Returns
     -------
-    One dict per scene: ``title``, and ``data`` and ``layout`` as plotly.js takes them.
+    In the order of the tabs.
     """
     clouds = clouds_of(trial.series, trial.result, MAX_POINTS)
     found = [
@@ -53,7 +56,7 @@ def scenes(trial: TrialReport) -> list[dict[str, Any]]:
 
 def _cloud_scene(
     title: str, clouds: Clouds, cloud: FloatArray, points: FloatArray, names: tuple[str, str, str], unit: str
-) -> dict[str, Any]:
+) -> dict[str, object]:
     data = [
         _trace("before and after", cloud[~clouds.scored], look.LIGHT, 2, clouds.times_s[~clouds.scored]),
         _trace("first to last end point", cloud[clouds.scored], look.BLUE, 2, clouds.times_s[clouds.scored]),
@@ -63,14 +66,14 @@ def _cloud_scene(
 
 
 def _scene(
-    title: str, data: list[dict[str, Any]], values: FloatArray, names: tuple[str, str, str], unit: str
-) -> dict[str, Any]:
+    title: str, data: list[_Trace], values: FloatArray, names: tuple[str, str, str], unit: str
+) -> dict[str, object]:
     extent = np.ptp(values, axis=0)
     largest = max(float(extent.max()), 1e-6)
     # Equal scales on all axes; a flat cloud gets room around it, so that the box is never thinner than half.
     half = 0.53 * np.maximum(extent, largest / 2.0)
     middle = 0.5 * (values.max(axis=0) + values.min(axis=0))
-    axes: dict[str, Any] = {}
+    axes: dict[str, object] = {}
     for column, (axis, name) in enumerate(zip("xyz", names, strict=True)):
         ends = [round(float(middle[column] - half[column]), 4), round(float(middle[column] + half[column]), 4)]
         axes[f"{axis}axis"] = {**_axis(f"{name} ({unit})"), "range": ends}
@@ -82,7 +85,7 @@ def _scene(
     }
 
 
-def _axes_scene(clouds: Clouds) -> dict[str, Any]:
+def _axes_scene(clouds: Clouds) -> dict[str, object]:
     data = []
     for number, name in enumerate(BODY_AXES):
         colour = look.AXIS_COLOURS[number]
@@ -92,7 +95,7 @@ def _axes_scene(clouds: Clouds) -> dict[str, Any]:
     return {"title": "Object axes on the sphere", "data": data, "layout": _layout({**axes, "aspectmode": "cube"})}
 
 
-def _trace(name: str, points: FloatArray, colour: str, size: int, times_s: FloatArray) -> dict[str, Any]:
+def _trace(name: str, points: FloatArray, colour: str, size: int, times_s: FloatArray) -> dict[str, object]:
     return {
         "type": "scatter3d",
         "mode": "markers",
@@ -104,7 +107,7 @@ def _trace(name: str, points: FloatArray, colour: str, size: int, times_s: Float
     }
 
 
-def _endpoints(name: str, points: FloatArray, colour: str, symbol: str, *, line: bool = False) -> dict[str, Any]:
+def _endpoints(name: str, points: FloatArray, colour: str, symbol: str, *, line: bool = False) -> dict[str, object]:
     return {
         "type": "scatter3d",
         "mode": "lines+markers+text" if line else "markers+text",
@@ -123,7 +126,7 @@ def _columns(points: FloatArray) -> dict[str, list[float]]:
     return {axis: rounded[:, column].tolist() for column, axis in enumerate("xyz")}
 
 
-def _axis(title: str) -> dict[str, Any]:
+def _axis(title: str) -> dict[str, object]:
     return {
         "title": {"text": title},
         "backgroundcolor": "white",
@@ -133,7 +136,7 @@ def _axis(title: str) -> dict[str, Any]:
     }
 
 
-def _layout(scene: dict[str, Any]) -> dict[str, Any]:
+def _layout(scene: dict[str, object]) -> dict[str, object]:
     return {
         "scene": {**scene, "camera": {"eye": {"x": 1.1, "y": -1.4, "z": 0.8}}},
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},

@@ -14,9 +14,12 @@ import matplotlib as mpl
 from fpdf import FPDF
 from fpdf.fonts import FontFace, TTFFont
 
-from analysis.reporting import overview, style, wording
+from analysis.reporting import style, wording
+from analysis.reporting.comparison import forest_bytes
 from analysis.reporting.figure_set import NamedFigure, draw_figures
+from analysis.reporting.tables import COLUMNS, pool
 from analysis.reporting.trial_report import CardTable, TrialReport
+from analysis.scoring.summary import degrees, interval_text, trust_rows
 
 MISSING, NOT_GIVEN = "MISSING", "not given"
 WARNING, BAD, SCORE = "#8A5A00", "#B00020", "#9C4300"
@@ -46,15 +49,15 @@ def report_pdf(
 
     Parameters
     ----------
-    trials
+    trials : sequence of TrialReport
         In the order of the report.
-    title
+    title : str
         Title on the first page.
-    version
+    version : str
         Version of rotdrift.
-    drawn
+    drawn : dict, optional
         Figures by trial id with a ``png`` of each, where they were drawn already.
-    forest
+    forest : dict, optional
         The figure of the whole as ``png``, where it was drawn already.
     """
     pages = Pages(title, f"rotdrift {version}")
@@ -85,21 +88,21 @@ def _overview(pages: Pages, trials: Sequence[TrialReport], forest: Mapping[str, 
                 trial.object,
                 trial.motion,
                 trial.hand,
-                wording.degrees(trial.view.theta_bar_deg),
-                wording.interval_text(trial) or "—",
-                str(trial.view.n_endpoints),
+                degrees(trial.result.theta_bar_deg),
+                interval_text(trial.result) or "—",
+                str(trial.result.n_endpoints),
                 wording.verdict(trial),
             )
             for trial in trials
         ]
         pages.rows([head, *rows], (46, 31, 14, 16, 12, 25, 11, 25), 6.5, head=True)
-        pooled = overview.pooled(trials)
+        pooled = pool([trial.figure for trial in trials])
         if any(row.n_trials > 1 for row in pooled):
             pages.heading("Repeats of one hand, object and motion pooled", level=0)
-            table = [overview.COLUMNS, *(overview.cells(row) for row in pooled)]
+            table = [COLUMNS, *(row.cells for row in pooled)]
             pages.rows(table, (33, 43, 26, 15, 31, 15, 17), 6.5, head=True)
         pages.ln(4)
-        pages.picture(forest.get("png") or overview.forest(pooled, "png"))
+        pages.picture(forest.get("png") or forest_bytes(pooled, "png"))
     incomplete = wording.missing_lines(trials)
     if incomplete:
         pages.heading("This submission is incomplete: the benchmark card asks for more than the cards hold", level=0)
@@ -108,21 +111,21 @@ def _overview(pages: Pages, trials: Sequence[TrialReport], forest: Mapping[str, 
 
 
 def _trial(pages: Pages, trial: TrialReport) -> None:
-    view = trial.view
+    result = trial.result
     pages.heading(trial.title, level=0)
-    if view.valid:
-        pages.paragraph(f"θ̄ = {wording.degrees(view.theta_bar_deg)}° per cycle", 18, colour=SCORE, bold=True)
-        ends = wording.interval_text(trial)
-        period = "" if view.period_s is None else f", {view.period_s:.2f} s a cycle"
+    if result.valid:
+        pages.paragraph(f"θ̄ = {degrees(result.theta_bar_deg)}° per cycle", 18, colour=SCORE, bold=True)
+        ends = interval_text(trial.result)
+        period = "" if result.period_s is None else f", {result.period_s:.2f} s a cycle"
         interval = f"95 % interval {ends}°" if ends else "no interval from so few cycles"
-        pages.paragraph(f"{interval}; {view.n_endpoints} end points{period}")
+        pages.paragraph(f"{interval}; {result.n_endpoints} end points{period}")
     else:
         pages.paragraph("No score is claimed.", 14, colour=BAD, bold=True)
-        for reason in trial.result.get("reasons") or ["the result gives no reason"]:
+        for reason in result.reasons or ["the result gives no reason"]:
             pages.paragraph(f"– {reason}", indent_mm=4)
-    for warning in trial.result.get("warnings") or []:
+    for warning in result.warnings:
         pages.paragraph(f"! {warning}", 8, colour=WARNING, indent_mm=4)
-    trust = wording.trust_rows(trial)
+    trust = trust_rows(result)
     if trust:
         pages.heading("How far to trust it")
         pages.rows(trust, (48, 43, 89))
@@ -136,7 +139,7 @@ def _trial(pages: Pages, trial: TrialReport) -> None:
     pages.paragraph(wording.methods_text(trial), 8)
     cycles = wording.cycle_rows(trial)
     if cycles:
-        pages.heading("Cycles" if view.valid else "End points found", room_mm=30)
+        pages.heading("Cycles" if result.valid else "End points found", room_mm=30)
         pages.rows([wording.CYCLE_COLUMNS, *cycles], (20, 23, 23, 23, 23, 68), 7, head=True)
     pages.heading("Provenance")
     pages.rows(trial.provenance, (38, 142), 6.5)

@@ -21,11 +21,11 @@ def draw_numbers(ax: Any, points: FloatArray, size: float = 6.0) -> None:  # noq
 
     Parameters
     ----------
-    ax
+    ax : object
         Axes whose size and limits are final.
-    points
-        (n, 2) in the coordinates of the axes (of 3-D axes: projected).
-    size
+    points : (n, 2) float64
+        In the coordinates of the axes (of 3-D axes: projected).
+    size : float, optional
         Of the digits, points.
     """
     scale = 72.0 / ax.figure.dpi
@@ -42,15 +42,15 @@ def draw_numbers(ax: Any, points: FloatArray, size: float = 6.0) -> None:  # noq
 
 
 def number_offsets(points_pt: FloatArray, corners_pt: FloatArray, size: float) -> dict[int, FloatArray]:
-    """Choose where the middle of each number stands, from its point.
+    """Return where the middle of each number stands, from its point.
 
     Parameters
     ----------
-    points_pt
-        (n, 2) on the page, points.
-    corners_pt
-        (2, 2) lower left and upper right corner of the room there is.
-    size
+    points_pt : (n, 2) float64
+        On the page, points.
+    corners_pt : (2, 2) float64
+        Lower left and upper right corner of the room there is.
+    size : float
         Of the digits, points.
 
     Returns
@@ -83,7 +83,7 @@ def number_offsets(points_pt: FloatArray, corners_pt: FloatArray, size: float) -
 
 
 def _crossings(points_pt: FloatArray, at: FloatArray, half: FloatArray) -> int:
-    """Whether the line through the points runs under a box: 0 or 1, looked at in steps."""
+    """Return whether the line through the points runs under a box: 0 or 1, tried at a few points of it."""
     if len(points_pt) < 2:
         return 0
     share = np.linspace(0.0, 1.0, 25)[:, None, None]

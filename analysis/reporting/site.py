@@ -6,14 +6,13 @@ import base64
 import re
 import unicodedata
 from collections.abc import Sequence
-from typing import Any
 
 from markupsafe import Markup
 
 from analysis.reporting import style as look
 from analysis.reporting.comparison import CRITERION, Comparison, compare_figures, difference_text, forest_figure
 from analysis.reporting.html import TEMPLATES, environment
-from analysis.reporting.tables import COLUMNS, PooledFigure, figure_cells, summary_csv, summary_latex, summary_markdown
+from analysis.reporting.tables import COLUMNS, SummaryRow, summary_csv, summary_latex, summary_markdown
 
 TITLE = "Rotation drift: results compared"
 
@@ -26,36 +25,24 @@ def comparison_html(
     pages: dict[str, str] | None = None,
     home: bool | None = None,
 ) -> str:
-    """Write a comparison as one page that needs nothing else.
+    """Return a comparison as one page that needs nothing else.
 
     Parameters
     ----------
-    comparison
+    comparison : Comparison
         What to show.
-    version
+    version : str
         Version of rotdrift.
-    title
+    title : str, optional
         Title of the page.
-    pages
+    pages : dict, optional
         Page of each ``hand:NAME`` and ``object:NAME``; None for a page that stands alone.
-    home
+    home : bool, optional
         True: link back to the index; False: this is the index; None: the page stands alone.
     """
-    pages = pages or {}
     with look.style():
         figure = forest_figure(comparison.rows)
     picture = base64.b64encode(look.figure_bytes(figure, "svg")).decode("ascii")
-    rows: list[dict[str, Any]] = [
-        {
-            "hand": row.hand,
-            "object": row.object,
-            "motion": row.motion,
-            "figures": figure_cells(row),
-            "hand_page": pages.get(f"hand:{row.hand}", ""),
-            "object_page": pages.get(f"object:{row.object}", ""),
-        }
-        for row in comparison.rows
-    ]
     return (
         environment()
         .get_template("comparison.html")
@@ -64,7 +51,8 @@ def comparison_html(
             css=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),  # noqa: S704 - our own file
             notes=comparison.notes,
             columns=COLUMNS,
-            rows=rows,
+            rows=comparison.rows,
+            pages=pages or {},
             forest=f"data:image/svg+xml;base64,{picture}",
             differences=[difference_text(difference) for difference in comparison.differences],
             criterion=CRITERION,
@@ -75,13 +63,13 @@ def comparison_html(
 
 
 def site_files(comparison: Comparison, version: str) -> dict[str, bytes]:
-    """Write the static site: index, a page per hand, a page per object, and the table as files.
+    """Return the static site: index, a page per hand, a page per object, and the table as files.
 
     Parameters
     ----------
-    comparison
+    comparison : Comparison
         What to show.
-    version
+    version : str
         Version of rotdrift.
 
     Returns
@@ -102,7 +90,7 @@ def site_files(comparison: Comparison, version: str) -> dict[str, bytes]:
     return files
 
 
-def _page_names(rows: Sequence[PooledFigure]) -> dict[str, str]:
+def _page_names(rows: Sequence[SummaryRow]) -> dict[str, str]:
     keys = list(dict.fromkeys([f"hand:{row.hand}" for row in rows] + [f"object:{row.object}" for row in rows]))
     names: dict[str, str] = {}
     for key in keys:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -17,14 +17,12 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.ft2font import __freetype_version__
 
-from analysis.series import FloatArray
-
 COLUMN_IN = 3.5
 """Width of one column of a two-column paper, inches (89 mm)."""
 
 BLUE, ORANGE, GREEN, VERMILION = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 SKY, GREY, LIGHT, INK = "#56B4E9", "#777777", "#CCCCCC", "#222222"
-"""Okabe and Ito's palette: told apart by every kind of colour vision; lightness differs as well, for grey print."""
+"""Okabe and Ito's palette: distinguished by every kind of colour vision; lightness differs as well, for grey print."""
 
 AXIS_COLOURS = (VERMILION, GREEN, BLUE)
 AXIS_MARKERS = ("o", "^", "s")
@@ -84,13 +82,15 @@ class PaperFigure(Figure):
 
 
 def new_figure(height_in: float, width_in: float = COLUMN_IN, layout: str = "constrained") -> PaperFigure:
-    """Make an empty figure with its own canvas.
+    """Return an empty figure with its own canvas.
 
     Parameters
     ----------
-    height_in, width_in
-        Size, inches.
-    layout
+    height_in : float
+        Inches.
+    width_in : float, optional
+        Inches.
+    layout : str, optional
         matplotlib's layout engine, ``"constrained"`` or ``"none"``.
     """
     figure = PaperFigure(figsize=(width_in, height_in), layout=layout)  # type: ignore[arg-type]
@@ -104,27 +104,14 @@ def _glyphs() -> frozenset[int]:
 
 
 def drawable(text: str) -> str:
-    """Replace every character the font cannot draw, and every control character, by a visible mark (U+FFFD).
+    """Return a text with a visible mark (U+FFFD) for every control character and every one the font cannot draw.
 
     Parameters
     ----------
-    text
+    text : str
         Any text, e.g. of a card.
     """
     return "".join(c if (ord(c) in _glyphs() and c.isprintable()) or c == "\n" else "\ufffd" for c in text)
-
-
-def vector(parts: Sequence[float] | FloatArray, digits: int = 2) -> str:
-    """Write a vector with signs, and with minus signs that are no hyphens.
-
-    Parameters
-    ----------
-    parts
-        (3,) no unit.
-    digits
-        After the point.
-    """
-    return "(" + ", ".join(f"{part:+.{digits}f}" for part in parts).replace("-", "−") + ")"
 
 
 def settle(figure: Figure) -> None:
@@ -132,7 +119,7 @@ def settle(figure: Figure) -> None:
 
     Parameters
     ----------
-    figure
+    figure : Figure
         Made by :func:`new_figure`.
     """
     if figure.get_layout_engine() is not None:
@@ -142,15 +129,15 @@ def settle(figure: Figure) -> None:
 
 
 def figure_bytes(figure: Figure, kind: str, dpi: int = PNG_DPI) -> bytes:
-    """Draw a figure as a file; the same figure gives the same bytes.
+    """Return a figure as a file; the same figure gives the same bytes.
 
     Parameters
     ----------
-    figure
+    figure : Figure
         Made by :func:`new_figure`.
-    kind
+    kind : str
         One of ``FORMATS``.
-    dpi
+    dpi : int, optional
         Pixels per inch, also of the clouds in SVG and PDF.
     """
     metadata: dict[str, dict[str, Any]] = {

@@ -9,6 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from analysis.formats.named_csv import safe_cell
@@ -28,9 +29,8 @@ class TrialFigure:
     """Its interval within the trial."""
 
 
-@dataclass(frozen=True)
-class PooledFigure:
-    """All trials of one hand, object and motion."""
+class SummaryRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Repeats of one hand, object and motion, pooled."""
 
     hand: str
     object: str
@@ -39,27 +39,46 @@ class PooledFigure:
     """All."""
     n_valid: int
     """Those with a score."""
-    mean_deg: float | None
-    """Mean of their θ̄."""
-    min_deg: float | None
-    """Smallest θ̄."""
-    max_deg: float | None
-    """Largest θ̄."""
-    interval_deg: tuple[float, float] | None
-    """95 % interval, see ``interval_kind``."""
+    theta_bar_mean_deg: float | None
+    theta_bar_min_deg: float | None
+    theta_bar_max_deg: float | None
+    interval_low_deg: float | None
+    """Ends of the 95 % interval, see ``interval_kind``."""
+    interval_high_deg: float | None
     interval_kind: str
     """``within the trial``: of the only one; ``between trials``: t interval of the mean; ``none``."""
 
+    @property
+    def interval_deg(self) -> tuple[float, float] | None:
+        """Both ends of the interval; None where there is none."""
+        low, high = self.interval_low_deg, self.interval_high_deg
+        return None if low is None or high is None else (low, high)
 
-def pool(trials: Sequence[TrialFigure]) -> list[PooledFigure]:
-    """Pool repeats: mean, range, and an interval of the mean.
+    @property
+    def figures(self) -> tuple[str, str, str, str]:
+        """Mean, interval, range and number of trials as texts; an em dash where there is none."""
+        low, high = self.theta_bar_min_deg, self.theta_bar_max_deg
+        mean = "—" if self.theta_bar_mean_deg is None else f"{self.theta_bar_mean_deg:.3f}"
+        ends = "—" if self.interval_deg is None else f"{self.interval_deg[0]:.3f} … {self.interval_deg[1]:.3f}"
+        spread = "—" if low is None or high is None or self.n_valid < 2 else f"{low:.3f} … {high:.3f}"
+        count = str(self.n_trials) if self.n_valid == self.n_trials else f"{self.n_valid} of {self.n_trials} valid"
+        return mean, ends, spread, count
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The row as texts, one for each of :data:`COLUMNS`."""
+        return (self.hand, self.object, self.motion, *self.figures)
+
+
+def pool(trials: Sequence[TrialFigure]) -> list[SummaryRow]:
+    """Return repeats pooled: mean, range, and an interval of the mean.
 
     With two or more valid repeats the interval is mean ± t(0.975, k − 1)·s/√k over their θ̄, cut at 0: it holds what
     differs from trial to trial, which no single trial shows. With one it is that trial's own.
 
     Parameters
     ----------
-    trials
+    trials : sequence of TrialFigure
         In any order.
 
     Returns
@@ -75,16 +94,17 @@ def pool(trials: Sequence[TrialFigure]) -> list[PooledFigure]:
         values: FloatArray = np.array([trial.theta_bar_deg for trial in valid], dtype=np.float64)
         interval, kind = _interval(values, valid)
         pooled.append(
-            PooledFigure(
+            SummaryRow(
                 hand=hand,
                 object=thing,
                 motion=motion,
                 n_trials=len(group),
                 n_valid=len(valid),
-                mean_deg=float(values.mean()) if len(values) else None,
-                min_deg=float(values.min()) if len(values) else None,
-                max_deg=float(values.max()) if len(values) else None,
-                interval_deg=interval,
+                theta_bar_mean_deg=float(values.mean()) if len(values) else None,
+                theta_bar_min_deg=float(values.min()) if len(values) else None,
+                theta_bar_max_deg=float(values.max()) if len(values) else None,
+                interval_low_deg=None if interval is None else interval[0],
+                interval_high_deg=None if interval is None else interval[1],
                 interval_kind=kind,
             )
         )
@@ -106,33 +126,32 @@ def _interval(values: FloatArray, valid: Sequence[TrialFigure]) -> tuple[tuple[f
 COLUMNS = ("hand", "object", "motion", "θ̄ (°)", "95 % interval (°)", "range (°)", "trials")
 
 
-def summary_csv(rows: Sequence[PooledFigure]) -> str:
-    """Write the summary as CSV, full precision, units in the names."""
+def summary_csv(rows: Sequence[SummaryRow]) -> str:
+    """Return the summary as CSV, full precision, units in the names."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     names = "hand object motion theta_bar_mean_deg interval_low_deg interval_high_deg interval_kind"
     names += " theta_bar_min_deg theta_bar_max_deg n_valid n_trials"
     writer.writerow(names.split())
     for row in rows:
-        ends = row.interval_deg or (None, None)
-        numbers = [row.mean_deg, *ends]
-        texts = [safe_cell(text) for text in (row.hand, row.object, row.motion)]
-        ends_of_range = _exact(row.min_deg), _exact(row.max_deg)
-        writer.writerow([*texts, *map(_exact, numbers), row.interval_kind, *ends_of_range, row.n_valid, row.n_trials])
+        texts = map(safe_cell, (row.hand, row.object, row.motion))
+        numbers = map(_exact, (row.theta_bar_mean_deg, row.interval_low_deg, row.interval_high_deg))
+        ends = map(_exact, (row.theta_bar_min_deg, row.theta_bar_max_deg))
+        writer.writerow([*texts, *numbers, row.interval_kind, *ends, row.n_valid, row.n_trials])
     return buffer.getvalue()
 
 
-def summary_markdown(rows: Sequence[PooledFigure]) -> str:
-    """Write the summary as a Markdown table."""
+def summary_markdown(rows: Sequence[SummaryRow]) -> str:
+    """Return the summary as a Markdown table."""
     lines = ["| " + " | ".join(COLUMNS) + " |", "|---|---|---|---:|---:|---:|---:|"]
     for row in rows:
         cells = [_escaped(cell, "\\`*_{}[]<>#|", "\\") for cell in (row.hand, row.object, row.motion)]
-        lines.append("| " + " | ".join([*cells, *figure_cells(row)]) + " |")
+        lines.append("| " + " | ".join([*cells, *row.figures]) + " |")
     return "\n".join(lines) + "\n"
 
 
-def summary_latex(rows: Sequence[PooledFigure]) -> str:
-    """Write the summary as a LaTeX table (booktabs)."""
+def summary_latex(rows: Sequence[SummaryRow]) -> str:
+    """Return the summary as a LaTeX table (booktabs)."""
     lines = [
         "% needs \\usepackage{booktabs}; names in other than Latin letters need XeLaTeX or LuaLaTeX",
         "\\begin{tabular}{lllrrrr}",
@@ -143,18 +162,9 @@ def summary_latex(rows: Sequence[PooledFigure]) -> str:
     ]
     for row in rows:
         cells = [_latex(cell) for cell in (row.hand, row.object, row.motion)]
-        figures = [figure.replace("…", "--").replace("—", "---") for figure in figure_cells(row)]
+        figures = [figure.replace("…", "--").replace("—", "---") for figure in row.figures]
         lines.append(" & ".join([*cells, *figures]) + " \\\\")
     return "\n".join([*lines, "\\bottomrule", "\\end{tabular}"]) + "\n"
-
-
-def figure_cells(row: PooledFigure) -> tuple[str, str, str, str]:
-    """Write mean, interval, range and number of trials of a row; an em dash where there is none."""
-    mean = "—" if row.mean_deg is None else f"{row.mean_deg:.3f}"
-    ends = "—" if row.interval_deg is None else f"{row.interval_deg[0]:.3f} … {row.interval_deg[1]:.3f}"
-    spread = "—" if row.min_deg is None or row.n_valid < 2 else f"{row.min_deg:.3f} … {row.max_deg:.3f}"
-    count = str(row.n_trials) if row.n_valid == row.n_trials else f"{row.n_valid} of {row.n_trials} valid"
-    return mean, ends, spread, count
 
 
 def _exact(value: float | None) -> str:
@@ -192,6 +202,6 @@ _LATEX = {
 
 
 def _latex(text: str) -> str:
-    """Write a text so that LaTeX sets it as it is."""
+    """Return a text so written that LaTeX sets it as it is."""
     written = "".join(_LATEX.get(character, character) for character in text).replace("\n", " ")
     return re.sub("-(?=-)", "-{}", written)  # two hyphens would become a dash

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
-from analysis.reporting.result_view import ResultView
+from analysis.reporting.tables import TrialFigure
+from analysis.scoring.result import Result
 from analysis.series import OrientationSeries
 
 
@@ -33,7 +33,7 @@ class CardTable:
 
 @dataclass(frozen=True, eq=False)
 class TrialReport:
-    """Everything the report says of one trial."""
+    """Everything in the report about one trial."""
 
     id: str
     """Name of its folder in the bundle: lower case, digits, ``-``."""
@@ -45,8 +45,8 @@ class TrialReport:
     """Manipulation motion, or ``unknown motion``."""
     series: OrientationSeries
     """The samples."""
-    result: dict[str, Any]
-    """The score as JSON values."""
+    result: Result
+    """The score."""
     cards: tuple[CardTable, ...] = ()
     """Object, hand and trial card."""
     comments: str = ""
@@ -57,13 +57,12 @@ class TrialReport:
     """What was met on the way: reader, cards, damage."""
     provenance: tuple[tuple[str, str], ...] = ()
     """Where everything came from: name and value."""
-    losses: dict[str, Any] | None = field(default=None)
-    """Counters of the link; None where there was none."""
 
     @property
-    def view(self) -> ResultView:
-        """The score as figures and tables read it."""
-        return ResultView.of(self.result)
+    def figure(self) -> TrialFigure:
+        """What of it goes into tables."""
+        result = self.result
+        return TrialFigure(self.hand, self.object, self.motion, result.theta_bar_deg, result.interval_deg)
 
     @property
     def title(self) -> str:

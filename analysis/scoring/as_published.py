@@ -1,56 +1,34 @@
 """The benchmark authors' own figures for their recordings, so that old papers can be reconciled with θ̄.
 
-Their scripts do not take the card's quaternion average but ‖mean of the differences of the Euler angles at successive
+Their scripts do not use the card's quaternion average but ‖mean of the differences of the Euler angles at successive
 end points‖, and never clear the array of differences between motions: a motion with fewer cycles than an earlier one is
 averaged with the rows that the earlier one left behind. Four of their nineteen published figures carry that fault
 (−17 % … −55 %). The fault can be replayed only with the earlier recordings at hand, in the order of the script; the
-mended figure needs nothing but the recording itself.
+corrected figure needs nothing but the recording itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from analysis.geometry.euler_angles import to_euler_zyx
+from analysis.scoring.result_parts import PublishedDrift
 from analysis.series import FloatArray, SeriesError
 
 
-@dataclass(frozen=True, eq=False)
-class PublishedDrift:
-    """Drift as the authors' scripts compute it. Degrees."""
-
-    n_steps: int
-    """Differences of the motion itself."""
-    mended_deg: float
-    """‖mean of the differences‖ of this motion alone: what the scripts meant to compute."""
-    as_published_deg: float
-    """The same with the rows that earlier motions left behind; equal to ``mended_deg`` where none did."""
-    stale_of: tuple[int, ...]
-    """How many rows each earlier motion left behind, in the order given. Without earlier motions, ``as_published_deg``
-    holds only if no longer one came before."""
-    differences_deg: FloatArray
-    """(n−1, 3) differences of azimuth, elevation, roll."""
-
-    @property
-    def stale_rows(self) -> int:
-        """How many rows were left behind by earlier motions."""
-        return sum(self.stale_of)
-
-
 def euler_differences_deg(quats_wxyz: npt.ArrayLike) -> FloatArray:
-    """Differences of the Euler angles at successive end points, as the trackers report the angles.
+    """Return the differences of the Euler angles at successive end points, as the trackers report the angles.
 
     Both rigs report the same three angles: extrinsic x-y-z reversed is intrinsic z-y-x. They are not unwrapped, because
     the scripts do not.
 
     Parameters
     ----------
-    quats_wxyz
-        (n, 4) end points, n ≥ 2.
+    quats_wxyz : (n, 4) array_like
+        End points, n ≥ 2.
 
     Returns
     -------
@@ -68,13 +46,13 @@ def euler_differences_deg(quats_wxyz: npt.ArrayLike) -> FloatArray:
 
 
 def published_drift(quats_wxyz: npt.ArrayLike, preceding: Sequence[npt.ArrayLike] = ()) -> PublishedDrift:
-    """Reproduce the figure of the authors' scripts, with and without the fault.
+    """Return the figure of the authors' scripts, with and without the fault.
 
     Parameters
     ----------
-    quats_wxyz
-        (n, 4) end points of the motion.
-    preceding
+    quats_wxyz : (n, 4) array_like
+        End points of the motion.
+    preceding : sequence of array_like, optional
         End points (m, 4) of the motions that the script worked through before, in its order.
 
     Returns
@@ -91,10 +69,12 @@ def published_drift(quats_wxyz: npt.ArrayLike, preceding: Sequence[npt.ArrayLike
     for number, rows in enumerate((*(euler_differences_deg(quats) for quats in preceding), own)):
         array = np.concatenate((rows, array[len(rows) :]))
         owners = np.concatenate((np.full(len(rows), number), owners[len(rows) :]))
+    stale_of = tuple(int(np.sum(owners == number)) for number in range(len(preceding)))
     return PublishedDrift(
+        euler_drift_deg=float(np.linalg.norm(own.mean(axis=0))),
+        euler_drift_as_published_deg=float(np.linalg.norm(array.mean(axis=0))),
+        stale_rows=sum(stale_of),
+        stale_of=stale_of,
+        preceding=len(preceding),
         n_steps=len(own),
-        mended_deg=float(np.linalg.norm(own.mean(axis=0))),
-        as_published_deg=float(np.linalg.norm(array.mean(axis=0))),
-        stale_of=tuple(int(np.sum(owners == number)) for number in range(len(preceding))),
-        differences_deg=own,
     )

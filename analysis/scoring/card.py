@@ -65,12 +65,12 @@ class RotationDrift:
 
 
 def step_rotations(quats_wxyz: npt.ArrayLike) -> FloatArray:
-    """Left differences r_i = q_{i+1} ⊗ q_i⁻¹ of orientations in cycle order; card step 2.
+    """Return the left differences r_i = q_{i+1} ⊗ q_i⁻¹ of orientations in cycle order; card step 2.
 
     Parameters
     ----------
-    quats_wxyz
-        (n, 4) unit, scalar first, body to world.
+    quats_wxyz : (n, 4) array_like
+        Unit, scalar first, body to world.
 
     Returns
     -------
@@ -89,16 +89,16 @@ def step_rotations(quats_wxyz: npt.ArrayLike) -> FloatArray:
 
 
 def rotation_drift(quats_wxyz: npt.ArrayLike, left_out: Sequence[int] = ()) -> RotationDrift:
-    """Score end points by the card: steps, average, θ̄.
+    """Return the score of end points by the card: steps, average, θ̄.
 
     Parameters
     ----------
-    quats_wxyz
-        (n, 4) unit orientations at the end points in cycle order, scalar first, body to world, one per cycle at the
+    quats_wxyz : (n, 4) array_like
+        Unit orientations at the end points in cycle order, scalar first, body to world, one per cycle at the
         same phase; n ≥ 2.
-    left_out
+    left_out : sequence of int, optional
         Steps, from 0, that do not count: a person excluded these cycles. The card knows no such thing; whoever reports
-        a score says so.
+        a score has to report that.
 
     Returns
     -------
@@ -130,12 +130,12 @@ def rotation_drift(quats_wxyz: npt.ArrayLike, left_out: Sequence[int] = ()) -> R
 
 
 def translation_drift_mm(positions_m: npt.ArrayLike) -> float:
-    """Compute the translation drift as the authors' scripts have it: ‖mean of the differences of successive positions‖.
+    """Return the translation drift of the authors' scripts: ‖mean of the differences of successive positions‖.
 
     Parameters
     ----------
-    positions_m
-        (n, 3) positions at the end points, m, n ≥ 2.
+    positions_m : (n, 3) array_like
+        Positions at the end points, m, n ≥ 2.
 
     Returns
     -------

@@ -53,12 +53,14 @@ class EndpointChoice:
             raise ReaderError(f"{len(self.reasons)} reasons do not fit {len(self.values)} end points")
         for k, value in enumerate(self.values):
             if not math.isfinite(value) or (self.kind != "time_s" and value != int(value)):
-                raise ReaderError(f"end point {k + 1} is {value!r}, which is no {self.kind}")
+                raise ReaderError(f"end point {k + 1} is {value!r}, which is not a valid {self.kind}")
             if k and value <= self.values[k - 1]:
-                raise ReaderError(f"end points must increase, but number {k + 1} ({value:g}) does not; mend the order")
+                raise ReaderError(
+                    f"end points must increase, but number {k + 1} ({value:g}) does not; put them in order"
+                )
 
     def reason(self, k: int) -> str:
-        """Reason given for the k-th end point; empty where there is none."""
+        """Return the reason given for the k-th end point; empty where there is none."""
         return self.reasons[k] if self.reasons else ""
 
 
@@ -67,7 +69,7 @@ def parse_endpoints(text: str) -> EndpointChoice:
 
     Parameters
     ----------
-    text
+    text : str
         ``1175,1639,2099``, ``12.5s,17.1s``, or the path of a file for :func:`load_endpoints`.
 
     Returns
@@ -77,7 +79,7 @@ def parse_endpoints(text: str) -> EndpointChoice:
     Raises
     ------
     ReaderError
-        Neither a file nor numbers; says which part.
+        Neither a file nor numbers; names the part.
     """
     if not text.strip(_AROUND):
         raise ReaderError("no end points given; e.g. --endpoints 1175,1639,2099,2562 or a CSV with a column row")
@@ -91,7 +93,7 @@ def parse_endpoints(text: str) -> EndpointChoice:
         found = False
     if not found:
         raise ReaderError(
-            f"'{plain(text)}' is no file of end points and no list of rows (1175,1639) or times (12.5s,17.1s)"
+            f"'{plain(text)}' is neither a file of end points nor a list of rows (1175,1639) or times (12.5s,17.1s)"
         )
     return load_endpoints(path)
 
@@ -115,7 +117,7 @@ def load_endpoints(path: Path) -> EndpointChoice:
 
     Parameters
     ----------
-    path
+    path : Path
         A bare list as for :func:`parse_endpoints`, or a CSV with a column ``row``, ``sequence`` or ``time_s``, and
         ``reason`` if wanted.
 
@@ -126,7 +128,7 @@ def load_endpoints(path: Path) -> EndpointChoice:
     Raises
     ------
     ReaderError
-        No list and no such column, or a cell that is no number; names the line.
+        Neither a list nor such a column, or a cell that is not a number; names the line.
     """
     if path.stat().st_size > min(MAX_FILE_BYTES, 64 * MAX_ENDPOINTS):
         raise ReaderError(f"{plain(path.name, 80)} is too large for a list of end points")
@@ -143,7 +145,7 @@ def _parse_csv(text: str, path: Path) -> EndpointChoice:
     kinds = [name for name in _NAMES if name in header]
     if len(kinds) != 1:
         raise ReaderError(
-            f"{plain(path.name, 80)} is no list of numbers and needs a header with one of row, sequence, time_s"
+            f"{plain(path.name, 80)} is not a list of numbers, so it needs a header with one of row, sequence, time_s"
         )
     place = header.index(kinds[0])
     why = header.index("reason") if "reason" in header else None
@@ -161,13 +163,13 @@ def _parse_csv(text: str, path: Path) -> EndpointChoice:
 
 
 def as_choice(endpoints: EndpointChoice | Sequence[int], kind: str) -> EndpointChoice:
-    """Accept a plain list of rows or sequence numbers as a choice.
+    """Return a plain list of rows or sequence numbers as a choice.
 
     Parameters
     ----------
-    endpoints
+    endpoints : EndpointChoice or sequence of int
         A choice, or names of samples.
-    kind
+    kind : str
         What the names are in this recording, ``row`` or ``sequence``.
     """
     if isinstance(endpoints, EndpointChoice):

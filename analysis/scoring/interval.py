@@ -1,4 +1,4 @@
-"""How far to trust θ̄: confidence interval, the sensor's own drift, and the smallest drift that can be told from none.
+"""How far to trust θ̄: its confidence interval, and the number of steps that would make it narrow enough.
 
 Interval. With v_i the rotation vectors of the m steps and a the drift axis,
 
@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.geometry import averages, rotations
-from analysis.scoring.diagnostics import leave_one_out
 from analysis.series import FloatArray
 
 LEVEL = 0.95
@@ -50,7 +49,7 @@ class DriftInterval:
     delta_error_deg: float
     """Standard error from the scatter of the steps along the drift axis."""
     correlation: float
-    """ρ that widened the interval: lag-1 correlation of the steps' scatter, with its bias mended, cut to 0 … 0.6."""
+    """ρ that widened the interval: lag-1 correlation of the steps' scatter, with its bias corrected, cut to 0 … 0.6."""
     no_drift_p: float
     """p of Hotelling's T² test that the mean step is zero."""
 
@@ -65,13 +64,13 @@ def _widening(correlation: float) -> float:
 
 
 def drift_interval(steps_wxyz: FloatArray, level: float = LEVEL) -> DriftInterval | None:
-    """Confidence interval of θ̄ from its steps.
+    """Return the confidence interval of θ̄ from its steps.
 
     Parameters
     ----------
-    steps_wxyz
-        (m, 4) step rotations r_i, scalar first (:attr:`analysis.scoring.card.RotationDrift.step_rotations_wxyz`).
-    level
+    steps_wxyz : (m, 4) float64
+        Step rotations r_i, scalar first (:attr:`analysis.scoring.card.RotationDrift.step_rotations_wxyz`).
+    level : float, optional
         Confidence level, in (0, 1).
 
     Returns
@@ -89,7 +88,7 @@ def drift_interval(steps_wxyz: FloatArray, level: float = LEVEL) -> DriftInterva
     scatter = vectors - vectors.mean(axis=0)
     axis = rotations.log(mean)
     length = float(np.linalg.norm(axis))
-    # Without any drift there is no axis; the scatter along the worst one stands in.
+    # Without any drift there is no axis; the scatter along the worst one takes its place.
     along = scatter @ (axis / length) if length > 0.0 else np.linalg.norm(scatter, axis=1)
     delta = float(np.sqrt(np.sum(along**2) / (m - 1) / m))
     without = leave_one_out(steps_wxyz)
@@ -111,8 +110,28 @@ def drift_interval(steps_wxyz: FloatArray, level: float = LEVEL) -> DriftInterva
     )
 
 
+def leave_one_out(steps_wxyz: FloatArray) -> FloatArray:
+    """Return the angle of the average step with each step left out in turn.
+
+    Parameters
+    ----------
+    steps_wxyz : (m, 4) float64
+        Step rotations, m ≥ 2.
+
+    Returns
+    -------
+    (m,) rad; the first is θ̄ without the first end point, the last θ̄ without the last.
+    """
+    # Relative to the average of all, so that small differences between the answers are not lost in rounding.
+    mean = averages.average(steps_wxyz)
+    relative = rotations.difference(steps_wxyz, mean)
+    outer = relative[:, :, None] * relative[:, None, :]
+    tops = np.linalg.eigh(outer.sum(axis=0) - outer)[1][:, :, -1]
+    return rotations.angle(rotations.multiply(tops, mean))
+
+
 def _lag_one(scatter: FloatArray) -> float:
-    """Lag-1 correlation of the scatter, its bias of about −1/m mended, cut to [0, MAX_CORRELATION]."""
+    """Return the scatter's lag-1 correlation, corrected for its bias of about −1/m, cut to [0, MAX_CORRELATION]."""
     power = float(np.sum(scatter**2))
     if power <= 0.0:
         return 0.0
@@ -121,16 +140,16 @@ def _lag_one(scatter: FloatArray) -> float:
 
 
 def hotelling_p(vectors: FloatArray, variance_factor: float = 1.0) -> float:
-    """Test that the mean of some vectors is zero: Hotelling's one-sample T².
+    """Return how likely a mean of zero is: Hotelling's one-sample T².
 
     T² = m v̄ᵀ S⁻¹ v̄ and F = T² (m − k)/(k (m − 1)) with k, m − k degrees of freedom; k is the rank of the scatter S.
     Directions without any scatter are left out, unless the mean has a part along them: then no drift is excluded.
 
     Parameters
     ----------
-    vectors
-        (m, 3), m > 3.
-    variance_factor
+    vectors : (m, 3) float64
+        M > 3.
+    variance_factor : float, optional
         How much larger the variance of the mean is than for independent vectors, ≥ 1; T² is divided by it.
 
     Returns
@@ -162,7 +181,7 @@ MAX_STEPS = 10_000
 
 
 def steps_needed(interval: DriftInterval, half_width_deg: float) -> int | None:
-    """Smallest number of steps at which the interval would be narrow enough, if the steps go on to scatter as they do.
+    """Return the smallest number of steps at which the interval would be narrow enough, if they go on to scatter so.
 
     The half-width is t(0.975, m − 1) times a standard error that falls with 1/√m; with SE the error at the present m₀,
 
@@ -170,16 +189,16 @@ def steps_needed(interval: DriftInterval, half_width_deg: float) -> int | None:
 
     Parameters
     ----------
-    interval
+    interval : DriftInterval
         The present one.
-    half_width_deg
+    half_width_deg : float
         Wanted half-width, deg, above 0.
 
     Returns
     -------
     Number of steps m, at least ``MIN_STEPS``; None where ``MAX_STEPS`` are not enough.
     """
-    from scipy import special  # late, as in analysis.scoring.interval
+    from scipy import special  # late, as above
 
     scale = interval.standard_error_deg * math.sqrt(interval.n_steps)
     level = 0.5 + 0.5 * interval.level

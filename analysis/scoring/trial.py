@@ -6,23 +6,37 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from msgspec.structs import replace
 
-from analysis.cycles.search import CycleAnalysis, CycleSettings, Endpoint, find_cycles
+from analysis.cycles.search import CycleAnalysis, CycleSettings, Endpoint, Run, find_cycles
+from analysis.geometry import rotations
 from analysis.scoring.card import rotation_drift
 from analysis.scoring.choice import EndpointChoice, as_choice
 from analysis.scoring.diagnostics import orientation_at
-from analysis.scoring.score_parts import AutomaticScore, ExcludedCycle, ScoredEndpoint, Window
-from analysis.scoring.trial_score import TrialScore
-from analysis.scoring.trust import endpoint_quats, with_figures
+from analysis.scoring.result import RESULT_FORMAT, Result
+from analysis.scoring.result_parts import (
+    AutomaticScore,
+    CycleSearch,
+    ExcludedCycle,
+    LeftOutPoint,
+    ScoredEndpoint,
+    ScoredRun,
+    ScoredWindow,
+    Settings,
+    Source,
+    known,
+    quaternion_of,
+)
+from analysis.scoring.trust import with_figures
 from analysis.sensor.baseline import StaticBaseline
-from analysis.series import OrientationSeries, SeriesError
+from analysis.series import FloatArray, OrientationSeries, SeriesError
 
 MIN_CYCLES = 3
 """Fewer cycles are refused. A cycle runs from one end point to the next: 3 cycles are 4 end points and 3 steps."""
@@ -38,9 +52,8 @@ class _Selection:
 
     endpoints: tuple[ScoredEndpoint, ...]
     other: tuple[ScoredEndpoint, ...]
-    window: Window
+    window: ScoredWindow
     cycles: CycleAnalysis
-    automatic: CycleAnalysis | None  # the automatic search, where another window was used
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -52,43 +65,40 @@ def score_series(
     endpoints: EndpointChoice | Sequence[int] | None = None,
     baseline: StaticBaseline | None = None,
     settings: CycleSettings | None = None,
-    losses: Mapping[str, int | float] | None = None,
     as_published: bool = False,
     preceding: Sequence[npt.ArrayLike] = (),
     excluded: Sequence[ExcludedCycle] = (),
     same_extreme: bool = False,
-) -> TrialScore:
+) -> Result:
     """Score a recording by the card, with everything a reviewer would ask about it.
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         The recording.
-    window
-        (from, to): only end points between are taken, all of them. Seconds since the first sample; what is longer
+    window : (float or None, float or None), optional
+        (from, to): only end points between count, all of them. Seconds since the first sample; what is longer
         than the recording is its own time, e.g. Unix seconds. None in a place leaves that side open.
-    endpoints
+    endpoints : EndpointChoice or sequence of int, optional
         End points chosen by a person; go before ``window``.
-    baseline
+    baseline : StaticBaseline, optional
         The sensor at rest. Without one, rests before and after the motion are used, where there are any.
-    settings
+    settings : CycleSettings, optional
         Numbers of the search for cycles.
-    losses
-        What the link lost, for the result.
-    as_published
+    as_published : bool, optional
         Also compute the benchmark authors' Euler figure.
-    preceding
+    preceding : sequence of array_like, optional
         End points (m, 4) of the motions that the authors' script worked through before this one.
-    excluded
+    excluded : sequence of ExcludedCycle, optional
         Cycles that a person left out: the step in which the middle of each lies is kept and flagged, but not counted.
-    same_extreme
-        In a window, stay at the extreme that the search takes in the whole recording. Without it the one with more end
-        points in the window is taken.
+    same_extreme : bool, optional
+        In a window, stay at the extreme that the search chooses in the whole recording. Without it, the one with more
+        end points in the window counts.
 
     Returns
     -------
-    TrialScore
-        Never raises for a poor trial: ``valid`` is False and ``reasons`` say why.
+    Result
+        Never raises for a poor trial: ``valid`` is False and ``reasons`` names why.
 
     Raises
     ------
@@ -111,28 +121,37 @@ def score_series(
         )
     times_s = np.array([point.time_s for point in points])
     period_s = float(np.median(np.diff(times_s))) if len(points) > 1 else selection.cycles.period_s
-    score = TrialScore(
+    result = Result(
+        format=RESULT_FORMAT,
+        theta_bar_deg=None,
+        axis=None,
+        n_endpoints=len(points),
+        interval_deg=None,
         valid=not reasons,
         reasons=tuple(reasons),
         warnings=(*series.warnings, *selection.warnings, *not_found),
-        notes=series.notes,
         endpoints=points,
-        excluded=left_out,
-        index_kind=series.index_kind,
-        period_s=period_s if np.isfinite(period_s) else None,
-        cycles=selection.cycles,
+        steps_deg=(),
+        flags=tuple(point.flags for point in points),
+        period_s=known(period_s),
+        other_extreme=None,
+        companions=None,
+        sensor=None,
         window=selection.window,
-        automatic=None if selection.automatic is None else _automatic_score(selection.automatic, series),
-        losses=losses,
-        start_s=float(series.times_s[0]) if len(series) else 0.0,
-        duration_s=series.duration_s,
-        n_samples=len(series),
-        source=series.source,
-        convention=series.convention,
+        cycles=_cycle_search(selection.cycles),
+        losses=None,
+        recording=Source(
+            source=series.source,
+            convention=series.convention,
+            n_samples=len(series),
+            start_s=float(series.times_s[0]) if len(series) else 0.0,
+            duration_s=series.duration_s,
+            notes=series.notes,
+        ),
+        settings=Settings(selection.cycles.settings),
+        excluded_cycles=left_out,
     )
-    if reasons:
-        return score
-    return with_figures(score, series, selection.other, baseline, (as_published, preceding))
+    return result if reasons else with_figures(result, series, selection.other, baseline, (as_published, preceding))
 
 
 def _searched(
@@ -141,12 +160,12 @@ def _searched(
     settings: CycleSettings,
     same_extreme: bool,
 ) -> _Selection:
-    """Take the end points that the search finds, in the whole recording or in a window."""
+    """Return the end points that the search finds, in the whole recording or in a window."""
     own = None if window is None else _own_time(series, window)
     automatic = None if own is None else find_cycles(series, settings)
     like_s = [point.time_s for point in automatic.endpoints] if same_extreme and automatic is not None else []
     cycles = find_cycles(series, settings, own, like_s)
-    points = tuple(_scored(point) for point in cycles.endpoints)
+    points = _scored(cycles.endpoints, series)
     edges = own if own is not None else ((points[0].time_s, points[-1].time_s) if points else (None, None))
     reasons = cycles.reasons
     warnings = cycles.warnings
@@ -156,22 +175,23 @@ def _searched(
         reasons = (*reasons, f"{_GRASP_RELEASE}; choose end points with --endpoints to score it all the same")
     return _Selection(
         endpoints=points,
-        other=tuple(_scored(point) for point in cycles.other_endpoints),
-        window=Window(
+        other=_scored(cycles.other_endpoints, series),
+        window=ScoredWindow(
             kind="automatic" if own is None else "from-to",
             from_s=edges[0],
             to_s=edges[1],
-            left_out=tuple((item.time_s, item.reason) for item in cycles.left_out if item.primary),
+            source="",
+            left_out=tuple(LeftOutPoint(item.time_s, item.reason) for item in cycles.left_out if item.primary),
+            automatic=None if automatic is None else _automatic_score(automatic, series),
         ),
         cycles=cycles,
-        automatic=automatic,
         reasons=reasons,
         warnings=warnings,
     )
 
 
 def _edited(series: OrientationSeries, choice: EndpointChoice, settings: CycleSettings) -> _Selection:
-    """Take the end points that a person chose; the search only stands beside them."""
+    """Return the end points that a person chose, and those of the search beside them."""
     cycles = find_cycles(series, settings)
     points = _chosen(series, choice)
     warnings = [f"the automatic search would not score this: {reason}" for reason in cycles.reasons]
@@ -179,17 +199,23 @@ def _edited(series: OrientationSeries, choice: EndpointChoice, settings: CycleSe
     if _named_grasp_release(series):
         warnings.append(_GRASP_RELEASE)
     edges = (points[0].time_s, points[-1].time_s) if points else (None, None)
-    other = tuple(
-        _scored(point)
+    inside = [
+        point
         for point in cycles.other_endpoints
         if edges[0] is not None and edges[1] is not None and edges[0] <= point.time_s <= edges[1]
-    )
+    ]
     return _Selection(
         endpoints=points,
-        other=other,
-        window=Window(kind="endpoints", from_s=edges[0], to_s=edges[1], source=choice.source),
+        other=_scored(inside, series),
+        window=ScoredWindow(
+            kind="endpoints",
+            from_s=edges[0],
+            to_s=edges[1],
+            source=choice.source,
+            left_out=(),
+            automatic=_automatic_score(cycles, series),
+        ),
         cycles=cycles,
-        automatic=cycles,
         reasons=(),
         warnings=tuple(warnings),
     )
@@ -198,7 +224,7 @@ def _edited(series: OrientationSeries, choice: EndpointChoice, settings: CycleSe
 def _exclude(
     points: tuple[ScoredEndpoint, ...], excluded: Sequence[ExcludedCycle]
 ) -> tuple[tuple[ScoredEndpoint, ...], tuple[ExcludedCycle, ...], list[str]]:
-    """Find the steps of excluded cycles; flag the end points that close them."""
+    """Return end points with those of excluded cycles flagged, these cycles with their steps, and warnings."""
     flagged, found, warnings = list(points), {}, []
     for item in excluded:
         middle_s = 0.5 * (item.from_s + item.to_s)
@@ -231,7 +257,7 @@ def _own_time(series: OrientationSeries, window: tuple[float | None, float | Non
 
 
 def _at(series: OrientationSeries, value_s: float) -> float:
-    """Turn a time as given into the recording's own: it is since the first sample unless longer than the recording."""
+    """Return a time as given in the recording's own: it is since the first sample unless longer than the recording."""
     first = float(series.times_s[0])
     return value_s if value_s > series.duration_s and value_s >= first else first + value_s
 
@@ -242,7 +268,7 @@ def _chosen(series: OrientationSeries, choice: EndpointChoice) -> tuple[ScoredEn
             raise SeriesError(f"this recording names its samples by {series.index_kind}, not by {choice.kind}")
         samples = [series.sample(int(value)) for value in choice.values]
         return tuple(
-            ScoredEndpoint(sample.time_s, sample.index, np.array(sample.quat_wxyz), reason=choice.reason(k))
+            _endpoint(series, sample.index, sample.time_s, np.array(sample.quat_wxyz), reason=choice.reason(k))
             for k, sample in enumerate(samples)
         )
     points = []
@@ -263,18 +289,61 @@ def _chosen(series: OrientationSeries, choice: EndpointChoice) -> tuple[ScoredEn
             )
         nearest = int(np.argmin(np.abs(series.times_s - time_s)))
         quat = orientation_at(series, time_s)
-        points.append(ScoredEndpoint(time_s, int(series.index[nearest]), quat, reason=choice.reason(k)))
+        points.append(_endpoint(series, int(series.index[nearest]), time_s, quat, reason=choice.reason(k)))
     return tuple(points)
 
 
-def _scored(point: Endpoint) -> ScoredEndpoint:
+def _endpoint(
+    series: OrientationSeries,
+    index: int,
+    time_s: float,
+    quat_wxyz: FloatArray,
+    flags: tuple[str, ...] = (),
+    dwell_s: float | None = None,
+    prominence_deg: float | None = None,
+    reason: str = "",
+) -> ScoredEndpoint:
     return ScoredEndpoint(
-        time_s=point.time_s,
-        index=point.index,
-        quat_wxyz=point.quat_wxyz,
-        flags=point.flags,
-        dwell_s=point.dwell_s,
-        prominence_deg=point.prominence_deg,
+        row=index if series.index_kind == "row" else None,
+        sequence=index if series.index_kind == "sequence" else None,
+        time_s=time_s,
+        quat_wxyz=quaternion_of(quat_wxyz),
+        flags=flags,
+        dwell_s=dwell_s,
+        prominence_deg=prominence_deg,
+        reason=reason,
+    )
+
+
+def _scored(points: Sequence[Endpoint], series: OrientationSeries) -> tuple[ScoredEndpoint, ...]:
+    return tuple(
+        _endpoint(series, p.index, p.time_s, p.quat_wxyz, p.flags, p.dwell_s, p.prominence_deg) for p in points
+    )
+
+
+def _cycle_search(found: CycleAnalysis) -> CycleSearch:
+    return CycleSearch(
+        period_confidence=known(found.period_confidence),
+        axis=tuple(map(known, found.axis.tolist())),
+        axis_share=known(found.axis_share),
+        swing_deg=known(found.swing_deg),
+        humps=found.humps,
+        likeness=known(found.likeness),
+        irregularity=known(found.irregularity),
+        active_s=found.active_s,
+        runs=tuple(_run(run) for run in found.runs),
+    )
+
+
+def _run(run: Run) -> ScoredRun:
+    quats = [point.quat_wxyz for point in run.endpoints]
+    return ScoredRun(
+        from_s=run.start_s,
+        to_s=run.end_s,
+        n_endpoints=len(quats),
+        net_rotation_deg=float(np.degrees(rotations.distance(quats[-1], quats[0]))),
+        theta_bar_deg=rotation_drift(quats).theta_bar_deg if len(quats) >= 2 else None,
+        scored=run.scored,
     )
 
 
@@ -287,5 +356,5 @@ def _automatic_score(cycles: CycleAnalysis, series: OrientationSeries) -> Automa
     few = (f"fewer than {MIN_CYCLES} cycles: {len(points)} end points",) if len(points) <= MIN_CYCLES else ()
     named = (_GRASP_RELEASE,) if _named_grasp_release(series) else ()
     reasons = (*cycles.reasons, *(() if cycles.reasons else few), *named)
-    theta = None if reasons else rotation_drift(endpoint_quats(points)).theta_bar_deg
+    theta = None if reasons else rotation_drift([point.quat_wxyz for point in points]).theta_bar_deg
     return AutomaticScore(not reasons, theta, len(points), tuple(point.index for point in points), reasons)

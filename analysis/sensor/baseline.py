@@ -1,9 +1,9 @@
 """The static baseline: what the sensor reports while nothing moves.
 
 A 6-axis IMU turns by itself about the vertical, 0.4 to 6 degrees a minute; at periods of seconds that is as large as
-the scores. So a score without the sensor's own drift is not a measurement. :func:`measure_baseline` takes a recording
+the scores. So a score without the sensor's own drift is not a measurement. :func:`measure_baseline` needs a recording
 of the object at rest (a minute or more, on a table, warmed up), :mod:`analysis.sensor.baseline_file` writes it as
-TOML, and the score takes it.
+TOML, and the score uses it.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ class StaticBaseline:
     rate_deg_per_min: tuple[float, float, float]
     """Heading drift about each world axis."""
     rate_error_deg_per_min: tuple[float, float, float]
-    """Its standard error: from the noise, and from the random walk where the rest was long enough to tell it."""
+    """Its standard error: from the noise, and from the random walk where the rest was long enough to see it."""
     noise_deg: float
     """Noise of one sample, root mean square."""
     walk_deg_per_sqrt_s: float
-    """Random walk, root mean square after one second; 0 where the rest was too short to tell."""
+    """Random walk, root mean square after one second; 0 where the rest was too short to see it."""
     duration_s: float
     """Length of the rest."""
     n_samples: int
@@ -73,24 +73,24 @@ class StaticBaseline:
         return float(np.linalg.norm(self.rate_deg_per_min))
 
     def per_cycle_deg(self, period_s: float) -> float:
-        """Rotation drift per cycle that this sensor can fake at a period, deg."""
+        """Return the rotation drift per cycle that this sensor can fake at a period, deg."""
         return heading_drift_bound_deg(self.total_rate_deg_per_min, period_s)
 
     def detectable_deg(self, period_s: float, n_endpoints: int) -> float:
-        """Minimal detectable drift: 95th percentile of θ̄ of a resting object in such a trial, deg per cycle."""
+        """Return the minimal detectable drift: 95th percentile of θ̄ of an object at rest in such a trial, deg."""
         return detectable_drift_deg(
             np.array(self.rate_deg_per_min), self.noise_deg, self.walk_deg_per_sqrt_s, period_s, n_endpoints
         )
 
 
 def measure_baseline(series: OrientationSeries, temperatures_c: Sequence[float] = ()) -> StaticBaseline:
-    """Measure the sensor at rest.
+    """Return what the sensor does at rest.
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         The object lying still, at least ``MIN_DURATION_S``.
-    temperatures_c
+    temperatures_c : sequence of float, optional
         Sensor temperatures streamed meanwhile, if any.
 
     Returns
@@ -100,7 +100,7 @@ def measure_baseline(series: OrientationSeries, temperatures_c: Sequence[float] 
     Raises
     ------
     BaselineError
-        Too short, or the object moved; says when and by how much.
+        Too short, or the object moved; names when and by how much.
     """
     if len(series) < 20 or series.duration_s < MIN_DURATION_S:
         raise BaselineError(
@@ -139,11 +139,11 @@ def measure_baseline(series: OrientationSeries, temperatures_c: Sequence[float] 
 
 
 def baseline_from_holds(holds: Sequence[StillHold]) -> StaticBaseline | None:
-    """Make a baseline of the rests before and after the motion inside a trial, weighted by their precision.
+    """Return a baseline made of the rests before and after the motion inside a trial, weighted by their precision.
 
     Parameters
     ----------
-    holds
+    holds : sequence of StillHold
         From :func:`analysis.sensor.still_holds.still_holds`.
 
     Returns
@@ -161,7 +161,7 @@ def baseline_from_holds(holds: Sequence[StillHold]) -> StaticBaseline | None:
     between = np.sqrt(weights @ (rates - rate) ** 2 / max(len(holds) - 1, 1)) if len(holds) > 1 else np.zeros(3)
     samples = np.array([hold.creep.n_samples for hold in holds])
     noise = np.array([hold.creep.noise_deg for hold in holds])
-    said = ", ".join(f"{hold.creep.duration_s:.1f} s" for hold in holds)
+    lengths = ", ".join(f"{hold.creep.duration_s:.1f} s" for hold in holds)
     return StaticBaseline(
         rate_deg_per_min=_triple(rate),
         rate_error_deg_per_min=_triple(np.maximum(within, between)),
@@ -169,13 +169,13 @@ def baseline_from_holds(holds: Sequence[StillHold]) -> StaticBaseline | None:
         walk_deg_per_sqrt_s=0.0,
         duration_s=float(sum(hold.creep.duration_s for hold in holds)),
         n_samples=int(samples.sum()),
-        source=f"rests inside the trial ({said})",
+        source=f"rests inside the trial ({lengths})",
         notes=("in the hand at rest: an upper bound, the object may creep as well",),
     )
 
 
 def _walk_error(walk_deg_per_sqrt_s: float, duration_s: float) -> float:
-    """Give the standard error per axis of a line fitted to a random walk: variance 6 N²/(5 T) for N along that axis."""
+    """Return the standard error per axis of a line fitted to a random walk: variance 6 N²/(5 T) for N along it."""
     return float(np.sqrt(6.0 / 5.0 / duration_s) * walk_deg_per_sqrt_s / np.sqrt(3.0) * 60.0)
 
 
@@ -209,7 +209,7 @@ def _refuse_motion(series: OrientationSeries) -> None:
 
 
 def _allan(series: OrientationSeries) -> tuple[tuple[AllanPoint, ...], float]:
-    """Overlapping Allan deviation of the rate from the orientation, and the random walk in it.
+    """Return the overlapping Allan deviation of the rate from the orientation, and the random walk in it.
 
     τ²σ²(τ) = 3 σ_θ² + N² τ where noise of the orientation and random walk rule: N² is the slope.
     Source: IEEE Std 952, annex C.
@@ -238,13 +238,13 @@ def _allan(series: OrientationSeries) -> tuple[tuple[AllanPoint, ...], float]:
 
 
 def heading_drift_bound_deg(rate_deg_per_min: float, period_s: float) -> float:
-    """Rotation drift per cycle that the sensor's own heading drift can fake: rate × T.
+    """Return the rotation drift per cycle that the sensor's own heading drift can fake: rate × T.
 
     Parameters
     ----------
-    rate_deg_per_min
+    rate_deg_per_min : float
         Heading drift, deg/min, either sign.
-    period_s
+    period_s : float
         Length of a cycle, s.
 
     Returns
@@ -262,7 +262,7 @@ def detectable_drift_deg(
     n_endpoints: int,
     probability: float = 0.95,
 ) -> float:
-    """Minimal detectable drift: what a static object scores, at the given probability, when cut every T.
+    """Return the minimal detectable drift: what a static object scores, at the given probability, when cut every T.
 
     A static object scores θ̄ = |ω T + e|. The error e is the difference of the first and the last pose over n − 1
     steps: per axis its variance is (2 σ² + w² (n − 1) T)/(n − 1)², with σ the noise of a pose and w the random walk. So
@@ -271,17 +271,17 @@ def detectable_drift_deg(
 
     Parameters
     ----------
-    rate_deg_per_min
-        (3,) heading drift about the world axes, deg/min.
-    noise_deg
+    rate_deg_per_min : (3,) float64
+        Heading drift about the world axes, deg/min.
+    noise_deg : float
         Noise of a pose at an end point, deg, root mean square of the rotation angle.
-    walk_deg_per_sqrt_s
+    walk_deg_per_sqrt_s : float
         Random walk of the orientation, deg/√s, root mean square of the rotation angle after 1 s.
-    period_s
+    period_s : float
         Length of a cycle T, s.
-    n_endpoints
+    n_endpoints : int
         End points of the trial n.
-    probability
+    probability : float, optional
         Share of static trials that score below.
 
     Returns

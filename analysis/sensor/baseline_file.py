@@ -1,30 +1,33 @@
-"""Static baselines as small TOML files."""
+"""Static baselines as small TOML files: :class:`StaticBaseline`, with the Allan deviation as two columns."""
 
 from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, replace
 from pathlib import Path
 
+import msgspec
+import tomli_w
+
 from analysis.formats.text_table import plain
-from analysis.sensor.baseline import AllanPoint, StaticBaseline
+from analysis.sensor.baseline import StaticBaseline
 from analysis.series import BaselineError
 
 FILE_FORMAT = 1
 """Version of the TOML layout."""
+_HEADING = "# Static baseline of a sensorized object: degrees, world axes.\n"
 _MAX_FILE_BYTES = 1 << 20
 
 
 def save_baseline(baseline: StaticBaseline, path: Path) -> None:
-    """Write a baseline as TOML.
+    """Write a baseline as TOML; control characters in its texts are not kept.
 
     Parameters
     ----------
-    baseline
+    baseline : StaticBaseline
         What to write.
-    path
+    path : Path
         A file that does not exist yet.
 
     Raises
@@ -32,34 +35,12 @@ def save_baseline(baseline: StaticBaseline, path: Path) -> None:
     FileExistsError
         It exists; a baseline is never overwritten.
     """
-    lines = [
-        "# Static baseline of a sensorized object: degrees, world axes.",
-        f"format = {FILE_FORMAT}",
-        f"rate_deg_per_min = {_numbers(baseline.rate_deg_per_min)}",
-        f"rate_error_deg_per_min = {_numbers(baseline.rate_error_deg_per_min)}",
-        f"noise_deg = {baseline.noise_deg!r}",
-        f"walk_deg_per_sqrt_s = {baseline.walk_deg_per_sqrt_s!r}",
-        f"duration_s = {baseline.duration_s!r}",
-        f"n_samples = {baseline.n_samples}",
-    ]
-    if baseline.temperature_c is not None:
-        lines.append(f"temperature_c = {_numbers(baseline.temperature_c)}")
-    lines.append(f"source = {_quoted(baseline.source)}")
-    lines.append(f"notes = [{', '.join(_quoted(note) for note in baseline.notes)}]")
-    lines.append(f"allan_tau_s = {_numbers([point.tau_s for point in baseline.allan])}")
-    lines.append(f"allan_deg_per_min = {_numbers([point.deviation_deg_per_min for point in baseline.allan])}")
+    values = {"format": FILE_FORMAT, **asdict(_plain_texts(baseline))}
+    values["allan_tau_s"] = [point.tau_s for point in baseline.allan]
+    values["allan_deg_per_min"] = [point.deviation_deg_per_min for point in baseline.allan]
+    known = {key: value for key, value in values.items() if key != "allan" and value is not None}
     with path.open("x", encoding="utf-8") as file:
-        file.write("\n".join(lines) + "\n")
-
-
-def _numbers(values: Sequence[float]) -> str:
-    return "[" + ", ".join(repr(float(value)) for value in values) + "]"
-
-
-def _quoted(text: str) -> str:
-    """TOML basic string; control characters are not kept."""
-    clean = plain(text, 500)
-    return '"' + clean.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        file.write(_HEADING + tomli_w.dumps(known))
 
 
 def load_baseline(path: Path) -> StaticBaseline:
@@ -67,8 +48,8 @@ def load_baseline(path: Path) -> StaticBaseline:
 
     Parameters
     ----------
-    path
-        What :func:`save_baseline` wrote.
+    path : Path
+        As written by :func:`save_baseline`.
 
     Returns
     -------
@@ -92,46 +73,23 @@ def load_baseline(path: Path) -> StaticBaseline:
         raise BaselineError(
             f"{name} is not a baseline file of format {FILE_FORMAT}; measure one with `rotdrift baseline`"
         )
-    reader = _Values(values, name)
-    tau_s = reader.numbers("allan_tau_s", None)
-    deviation = reader.numbers("allan_deg_per_min", len(tau_s))
-    temperature = reader.numbers("temperature_c", 2) if "temperature_c" in values else None
-    return StaticBaseline(
-        rate_deg_per_min=reader.triple("rate_deg_per_min"),
-        rate_error_deg_per_min=reader.triple("rate_error_deg_per_min"),
-        noise_deg=reader.number("noise_deg"),
-        walk_deg_per_sqrt_s=reader.number("walk_deg_per_sqrt_s"),
-        duration_s=reader.number("duration_s"),
-        n_samples=int(reader.number("n_samples")),
-        allan=tuple(AllanPoint(tau, value) for tau, value in zip(tau_s, deviation, strict=True)),
-        temperature_c=None if temperature is None else (temperature[0], temperature[1]),
-        source=plain(str(values.get("source", "")), 500),
-        notes=tuple(plain(str(note), 500) for note in values.get("notes", [])),
-    )
+    try:
+        columns = zip(values["allan_tau_s"], values["allan_deg_per_min"], strict=True)
+        points = [{"tau_s": tau_s, "deviation_deg_per_min": deviation} for tau_s, deviation in columns]
+        baseline = msgspec.convert({**values, "allan": points}, StaticBaseline)
+    except KeyError as error:
+        raise BaselineError(f"{name}: {error.args[0]} is missing; measure the baseline again") from error
+    except (msgspec.ValidationError, TypeError, ValueError) as error:
+        raise BaselineError(f"{name}: {plain(str(error), 120)}; measure the baseline again") from error
+    amounts = baseline.noise_deg, baseline.walk_deg_per_sqrt_s, baseline.duration_s, baseline.n_samples
+    others = *baseline.rate_deg_per_min, *baseline.rate_error_deg_per_min, *(baseline.temperature_c or ())
+    allan = [value for point in baseline.allan for value in (point.tau_s, point.deviation_deg_per_min)]
+    if min(amounts) < 0 or not all(map(math.isfinite, (*amounts, *others, *allan))):
+        raise BaselineError(f"{name} holds a number that is negative or not finite; measure the baseline again")
+    return _plain_texts(baseline)
 
 
-@dataclass(frozen=True)
-class _Values:
-    """Values of a TOML file, checked as they are taken."""
-
-    values: dict[str, object]
-    name: str
-
-    def number(self, key: str) -> float:
-        value = self.values.get(key)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value < 0:
-            raise BaselineError(f"{self.name}: {key} is missing or no number ≥ 0; measure the baseline again")
-        return float(value)
-
-    def triple(self, key: str) -> tuple[float, float, float]:
-        x, y, z = self.numbers(key, 3)
-        return (x, y, z)
-
-    def numbers(self, key: str, count: int | None) -> list[float]:
-        found = self.values.get(key)
-        values = found if isinstance(found, list) else None
-        if values is None or (count is not None and len(values) != count):
-            raise BaselineError(f"{self.name}: {key} is not a list of {count or 'some'} numbers; measure it again")
-        if any(isinstance(v, bool) or not isinstance(v, (int, float)) or not math.isfinite(v) for v in values):
-            raise BaselineError(f"{self.name}: {key} holds something that is no number; measure the baseline again")
-        return [float(value) for value in values]
+def _plain_texts(baseline: StaticBaseline) -> StaticBaseline:
+    """Return a baseline whose texts are safe to print."""
+    notes = tuple(plain(note, 500) for note in baseline.notes)
+    return replace(baseline, source=plain(baseline.source, 500), notes=notes)

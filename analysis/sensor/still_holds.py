@@ -11,7 +11,7 @@ from analysis.geometry import rotations
 from analysis.series import FloatArray, IntArray, OrientationSeries
 
 MIN_HOLD_S = 3.0
-"""A shorter rest says nothing about degrees per minute."""
+"""A shorter rest is no measure of degrees per minute."""
 MAX_SPEED_DEG_S = 0.5
 """Faster than this over half a second is motion, unless the noise alone explains it: 6 deg/min is 0.1 deg/s."""
 _BLOCK_S = 0.5
@@ -46,14 +46,14 @@ class StillHold:
 
 
 def measure_creep(times_s: FloatArray, quats_wxyz: FloatArray) -> Creep:
-    """Fit a line through the rotation vector of a resting object.
+    """Return a line fitted through the rotation vector of a resting object.
 
     Parameters
     ----------
-    times_s
-        (n,) s, n ≥ 4 and at least two seconds.
-    quats_wxyz
-        (n, 4) unit, scalar first.
+    times_s : (n,) float64
+        s, n ≥ 4 and at least two seconds.
+    quats_wxyz : (n, 4) float64
+        Unit, scalar first.
 
     Returns
     -------
@@ -89,26 +89,26 @@ class BlockOrientations:
     """(b, 3) sum of the rotation vectors from block to block: follows slow drift past half a turn."""
 
     def noise_deg(self, times_s: FloatArray, quats_wxyz: FloatArray) -> float:
-        """Noise of one sample about its block, the block's own creep taken off; root mean square angle."""
+        """Return the noise of one sample about its block, the block's own creep subtracted; root mean square angle."""
         counts = np.diff(np.append(self.starts, len(times_s)))
         number = np.repeat(np.arange(len(self.at_s)), counts)
         off = np.degrees(rotations.log(rotations.difference(quats_wxyz, self.quats_wxyz[number])))
         rate = np.gradient(self.path_deg, self.at_s, axis=0) if len(self.at_s) > 1 else np.zeros((1, 3))
         off -= rate[number] * (times_s - self.at_s[number])[:, None]
-        freedom = max(len(times_s) - len(self.at_s), 1)  # each block's mean is taken off
+        freedom = max(len(times_s) - len(self.at_s), 1)  # each block's mean is subtracted
         return float(np.sqrt(np.sum(off**2) / freedom))
 
 
 def block_orientations(times_s: FloatArray, quats_wxyz: FloatArray, block_s: float = _BLOCK_S) -> BlockOrientations:
-    """Average orientations over blocks of equal length in time; for objects that hardly turn within one.
+    """Return mean orientations over blocks of equal length in time; for objects that hardly turn within one.
 
     Parameters
     ----------
-    times_s
-        (n,) s, increasing.
-    quats_wxyz
-        (n, 4) unit, scalar first.
-    block_s
+    times_s : (n,) float64
+        s, increasing.
+    quats_wxyz : (n, 4) float64
+        Unit, scalar first.
+    block_s : float, optional
         Length of a block, s.
 
     Returns
@@ -135,15 +135,15 @@ def block_orientations(times_s: FloatArray, quats_wxyz: FloatArray, block_s: flo
 def still_holds(
     series: OrientationSeries, active_s: tuple[float, float] | None = None, min_hold_s: float = MIN_HOLD_S
 ) -> tuple[StillHold, ...]:
-    """Find rests before and after the motion.
+    """Return the rests before and after the motion.
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         The recording.
-    active_s
-        (from, to) of the motion, recording's own time; only rests outside are taken. None takes all.
-    min_hold_s
+    active_s : (float, float), optional
+        (from, to) of the motion, recording's own time; only rests outside count. None: all.
+    min_hold_s : float, optional
         Shortest rest, s.
 
     Returns
@@ -180,7 +180,7 @@ def _holds(times_s: FloatArray, quats_wxyz: FloatArray, min_hold_s: float) -> It
 
 
 def _quiet_noise_deg(quats_wxyz: FloatArray, blocks: BlockOrientations) -> float:
-    """Noise of one sample in the quietest tenth of the blocks, from differences between neighbours, deg."""
+    """Return the noise of one sample in the quietest tenth of the blocks, from differences between neighbours, deg."""
     steps = np.degrees(rotations.distance(quats_wxyz[1:], quats_wxyz[:-1]))
     counts = np.diff(np.append(blocks.starts, len(quats_wxyz)))
     powers = np.add.reduceat(np.append(steps**2, 0.0), blocks.starts) / counts

@@ -10,8 +10,8 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
+from analysis.scoring.recorded_parts import LiveClock
 from host.capture.conversation import Conversation, Ending
 from host.capture.goal import Goal
 from host.capture.notes import Notes
@@ -49,7 +49,7 @@ class CaptureOutcome:
     """Records that did not get to the disk; they continue the recording."""
     elapsed_s: float
     """From the first sample to the end."""
-    clock: dict[str, Any] | None = None
+    clock: LiveClock | None = None
     """The live estimate of the object's clock at the end; the result's own is made from the recording."""
     last_state: TrialState = field(default_factory=TrialState)
     """What the screen showed last."""

@@ -11,7 +11,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from analysis.scoring.trial_score import TrialScore
+from analysis.scoring.recorded_parts import CaptureAccount
+from analysis.scoring.result import Result
 from analysis.sensor.baseline import StaticBaseline
 from analysis.series import AnalysisError
 from host.capture.loop import Capture, CaptureOutcome
@@ -36,7 +37,7 @@ class FinishedCapture:
     """What a capture left behind."""
 
     outcome: CaptureOutcome
-    score: TrialScore
+    score: Result
     trial: RecordedTrial
     recording: Path
     result: Path
@@ -177,18 +178,18 @@ def record(
 def _finish(
     outcome: CaptureOutcome, recording_path: Path, result_path: Path, options: ScoreOptions | None
 ) -> FinishedCapture:
-    captured: dict[str, Any] = {
-        "recording": str(recording_path),
-        "ended": outcome.reason,
-        "error": None if outcome.error is None else str(outcome.error),
-        "warnings": list(outcome.warnings),
-        "elapsed_s": outcome.elapsed_s,
-        "clock": outcome.clock,
-        "live_theta_bar_deg": outcome.last_state.score.theta_bar_deg,
-    }
+    captured = CaptureAccount(
+        recording=str(recording_path),
+        ended=outcome.reason,
+        error=None if outcome.error is None else str(outcome.error),
+        warnings=tuple(outcome.warnings),
+        elapsed_s=outcome.elapsed_s,
+        clock=outcome.clock,
+        live_theta_bar_deg=outcome.last_state.score.theta_bar_deg,
+    )
     try:
         trial = load_trial(recording_path, outcome.unwritten)
-        score = score_trial(trial, options, captured)
+        score = score_trial(trial, replace(options or ScoreOptions(), clock=True), captured)
     except AnalysisError as error:
         raise FileError(f"{recording_path} cannot be scored ({error})", "the recording is kept") from error
     try:

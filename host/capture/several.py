@@ -7,8 +7,8 @@ from collections import defaultdict, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
+from analysis.scoring.result import Result
 from host.capture.run import FinishedCapture, run_capture
 from host.capture.settings import CaptureSettings
 from host.errors import HostError
@@ -39,9 +39,9 @@ class ObjectOutcome:
         return 0 if self.finished is not None and self.finished.score.valid else 1
 
     @property
-    def result(self) -> dict[str, Any] | None:
-        """The score as JSON values."""
-        return None if self.finished is None else dict(self.finished.score.to_json())
+    def result(self) -> Result | None:
+        """The score; None where there is nothing to score."""
+        return None if self.finished is None else self.finished.score
 
 
 class _SharedScreen:

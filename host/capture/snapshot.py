@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from analysis.scoring.trial_score import TrialScore
+from analysis.scoring.result import Result
 from host.capture.alarms import AlarmWatch
 from host.capture.guide import Guide
 from host.capture.operator_desk import OperatorDesk
@@ -88,7 +88,7 @@ class Snapshots:
         return replace(state, alarms=self._alarms.update(state), guide=guide)
 
 
-def finished_state(live: TrialState, score: TrialScore) -> TrialState:
+def finished_state(live: TrialState, score: Result) -> TrialState:
     """Return the last state with the result in place of the provisional figures, and what the difference is."""
     result = replace(
         live.score,
@@ -101,7 +101,7 @@ def finished_state(live: TrialState, score: TrialScore) -> TrialState:
     return replace(live, score=result)
 
 
-def difference_sentence(live_deg: float | None, score: TrialScore) -> str:
+def difference_sentence(live_deg: float | None, score: Result) -> str:
     """Return in one sentence how the result differs from what the live view had."""
     if score.theta_bar_deg is None:
         return f"no score: {score.reasons[0]}" if score.reasons else "no score"
@@ -110,7 +110,7 @@ def difference_sentence(live_deg: float | None, score: TrialScore) -> str:
     return f"live {live_deg:.3f}°, the result differs by {round(score.theta_bar_deg - live_deg, 3) + 0.0:+.3f}°"
 
 
-def difference_line(live_deg: float | None, score: TrialScore) -> str:
+def difference_line(live_deg: float | None, score: Result) -> str:
     """Return the same as a line below the printed score, which has said already why there is none."""
     if score.theta_bar_deg is not None:
         return f"live       {difference_sentence(live_deg, score).removeprefix('live ')}\n"

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from analysis.scoring.recorded_parts import LiveClock
+from analysis.scoring.result_parts import known
 from host.clock.envelope import DelayLine
 from host.clock.interval import OffsetInterval
 
@@ -78,22 +79,22 @@ class ClockEstimate:
     bursty: bool
     """Whether the link is judged bursty."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return what a result file holds of the live estimate."""
+    def account(self) -> LiveClock:
+        """Return the estimate as a part of a result."""
         bounds_ns, width_ns = self.interval.bounds_ns, self.interval.width_ns
-        return {
-            "segments": self.segment + 1,
-            "skew_ppm": self.skew_ppm if self.warm else None,
-            "skew_uncertainty_ppm": self.skew_uncertainty_ppm if np.isfinite(self.skew_uncertainty_ppm) else None,
-            "offset_interval_ms": None if bounds_ns is None else [bound / 1e6 for bound in bounds_ns],
-            "offset_uncertainty_ms": None if width_ns is None else width_ns / 1e6,
-            "consistent": self.interval.consistent,
-            "round_trips": self.interval.n_round_trips,
-            "jitter_p50_ms": self.jitter_p50_ns / 1e6,
-            "jitter_p99_ms": self.jitter_p99_ns / 1e6,
-            "warm_up_s": self.warm_up_s,
-            "bursty": self.bursty,
-        }
+        return LiveClock(
+            segments=self.segment + 1,
+            skew_ppm=known(self.skew_ppm) if self.warm else None,
+            skew_uncertainty_ppm=known(self.skew_uncertainty_ppm),
+            offset_interval_ms=None if bounds_ns is None else (bounds_ns[0] / 1e6, bounds_ns[1] / 1e6),
+            offset_uncertainty_ms=None if width_ns is None else width_ns / 1e6,
+            consistent=self.interval.consistent,
+            round_trips=self.interval.n_round_trips,
+            jitter_p50_ms=known(self.jitter_p50_ns / 1e6),
+            jitter_p99_ms=known(self.jitter_p99_ns / 1e6),
+            warm_up_s=self.warm_up_s,
+            bursty=self.bursty,
+        )
 
     def to_host_ns(self, device_unwrapped_us: npt.ArrayLike) -> IntArray:
         """Map unwrapped device time of the same segment to host time.

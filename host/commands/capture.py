@@ -89,11 +89,12 @@ def run(args: Options) -> int:
     """
     from datetime import datetime
 
+    from analysis.scoring.result import result_text
     from host.capture.guide import GuideSettings
     from host.capture.run import default_recording, run_capture
     from host.capture.settings import CaptureSettings
     from host.errors import UsageError
-    from host.results.result import ScoreOptions, result_text
+    from host.results.result import ScoreOptions
     from host.screen.choice import ScreenChoice, open_screen
     from host.stop_signals import StopSignals
     from host.stream.session import SessionSettings
@@ -142,8 +143,7 @@ def _run_several(
     args: Options, recording: Path, settings: CaptureSettings, screen: Screen, options: ScoreOptions
 ) -> int:
     """Capture several objects at once, each with a recording of its own."""
-    import json
-
+    from analysis.scoring.result import result_text
     from host.capture.several import capture_several
     from host.errors import UsageError
     from host.results.printout import print_score
@@ -158,7 +158,7 @@ def _run_several(
         results = [
             {"link": item.link, "error": item.error and str(item.error), "result": item.result} for item in outcomes
         ]
-        sys.stdout.write(json.dumps({"results": results}, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+        sys.stdout.write(result_text({"results": results}))
     for item in outcomes:
         finished = item.finished
         if finished is None:

@@ -38,8 +38,7 @@ def run(args: argparse.Namespace) -> int:
     FileError
         A file cannot be read or written.
     """
-    from analysis.reporting.comparison import CRITERION, compare, difference_text
-    from analysis.reporting.errors import ComparisonError
+    from analysis.reporting.comparison import CRITERION, ComparisonError, compare, difference_text
     from analysis.reporting.tables import summary_markdown
     from host.errors import UsageError, already_there, unwritable
     from host.submission.comparison_sources import load_sources

@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     result = None
     if kind in {"endpoints", "mat"}:
         scored = score_recording(args.file, None, reading)
-        series, result = scored.series, scored.result
+        series, result = scored.series, scored.result.to_json()
     else:
         series, _ = read_recording(args.file, reading)
     try:

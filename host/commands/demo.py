@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from analysis.scoring.trial_score import TrialScore
+    from analysis.scoring.result import Result
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if finished.score.valid else 1
 
 
-def _print_truth(score: TrialScore, truth: dict[str, Any], heading_drift_deg_per_min: float) -> None:
+def _print_truth(score: Result, truth: dict[str, Any], heading_drift_deg_per_min: float) -> None:
     from rich.console import Console
     from rich.text import Text
 
@@ -94,12 +94,12 @@ def _print_truth(score: TrialScore, truth: dict[str, Any], heading_drift_deg_per
     Console(highlight=False).print(line)
 
 
-def true_drift_deg(score: TrialScore, truth: dict[str, Any]) -> float | None:
+def true_drift_deg(score: Result, truth: dict[str, Any]) -> float | None:
     """Return the true θ̄ of the very end points that were scored.
 
     Parameters
     ----------
-    score : TrialScore
+    score : Result
         Its end points name samples by sequence number.
     truth : dict
         What the virtual object recorded of itself.

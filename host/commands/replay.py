@@ -32,6 +32,7 @@ def run(args: argparse.Namespace) -> int:
     FileError
         Not a recording.
     """
+    from analysis.scoring.result import result_text
     from analysis.series import AnalysisError
     from host.capture.playback import play, recorded_actions, recorded_commands
     from host.capture.snapshot import difference_line, finished_state
@@ -39,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from host.recording.load import load_trial
     from host.recording.replay_link import ReplayTransport
     from host.results.printout import print_score
-    from host.results.result import result_text, score_trial
+    from host.results.result import ScoreOptions, score_trial
     from host.screen.choice import ScreenChoice, open_screen
     from host.stop_signals import StopSignals
     from host.trial.live import Trial
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         screen.start()
         try:
             live = play(transport, Trial(), screen, signals.stop, args.speed, *then, title="rotdrift replay")
-            score = score_trial(load_trial(args.file))
+            score = score_trial(load_trial(args.file), ScoreOptions(clock=args.json))
             if live is not None:
                 screen.update(finished_state(live, score))
         except AnalysisError as error:

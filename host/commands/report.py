@@ -166,7 +166,7 @@ def _write(out: Path, built: BuiltSubmission) -> None:
 
 
 def _print(out: Path, built: BuiltSubmission) -> None:
-    from analysis.reporting.wording import degrees
+    from analysis.scoring.summary import degrees
 
     n = len(built.submission.trials)
     alone = out.suffix.lower() in {".html", ".pdf"}

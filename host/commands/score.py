@@ -97,29 +97,28 @@ def run(args: Options) -> int:
     if len(files) > 1 or files != args.files:
         return _run_many(files, args)
     scored = score_recording(files[0], *_choices(args))
-    score = scored.score
+    result = scored.result
     if args.plot is not None:
         _plot(args.plot, files[0], scored)
     if args.json:
-        from host.results.result import result_text
+        from analysis.scoring.result import result_text
 
-        sys.stdout.write(result_text(score))
+        sys.stdout.write(result_text(result))
     else:
         from host.results.printout import print_score
 
-        print_score(score)
+        print_score(result)
         if args.plot is not None:
             sys.stdout.write(f"\nplot       {args.plot}\n")
-    return 0 if score.valid else 1
+    return 0 if result.valid else 1
 
 
 def _run_many(files: list[Path], args: Options) -> int:
     """Score files into one table; return the exit code of the worst."""
-    import json
-
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+    from analysis.scoring.result import result_text
     from host.errors import UsageError
     from host.results.batch import BatchRow, score_many
     from host.results.printout import print_batch
@@ -140,7 +139,7 @@ def _run_many(files: list[Path], args: Options) -> int:
         rows = score_many(files, report, *_choices(args))
     if args.json:
         results = [{"file": str(row.path), "error": row.error, "result": row.result} for row in rows]
-        sys.stdout.write(json.dumps({"results": results}, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+        sys.stdout.write(result_text({"results": results}))
     else:
         print_batch(rows)
     return max(row.exit_code for row in rows)
@@ -165,9 +164,9 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
     from analysis.reporting.figures import summary_figure
     from host.errors import unwritable
 
-    theta_deg = scored.score.theta_bar_deg
+    theta_deg = scored.result.theta_bar_deg
     if theta_deg is None:
-        title = f"{source.name}: no score\n" + textwrap.fill("; ".join(scored.score.reasons), 110, max_lines=4)
+        title = f"{source.name}: no score\n" + textwrap.fill("; ".join(scored.result.reasons), 110, max_lines=4)
     else:
         title = f"{source.name}: θ̄ = {theta_deg:.3f}° per cycle"
     with figure_style.style():
@@ -201,5 +200,6 @@ def _choices(args: Options) -> tuple[ScoreOptions, ReadOptions, Window | None]:
         as_published=args.as_published or bool(args.preceding),
         honour_actions=not args.ignore_actions,
         preceding=preceding_endpoints(args.preceding, reading),
+        clock=args.json,
     )
     return options, reading, window(args.start, args.end)

@@ -71,9 +71,9 @@ def _failed(topic: str, error: HostError) -> Finding:
 def _measured(trial: Trial, outcome: CaptureOutcome) -> list[Finding]:
     """Return what the samples of a capture show: rate, jitter, losses and clock."""
     losses = trial.assembler.losses()
-    values = trial.clock_values() or {}
+    clock = trial.clock_values()
     found = [_rate(trial, losses.received, outcome.elapsed_s)]
-    p99, p50 = values.get("jitter_p99_ms"), values.get("jitter_p50_ms")
+    p99, p50 = (None, None) if clock is None else (clock.jitter_p99_ms, clock.jitter_p50_ms)
     if p99 is not None and p50 is not None:
         remedy = "a latency timer, a hub or a busy machine: end points are timed by the object's clock all the same"
         text = f"p50 {p50:.2f} ms, p99 {p99:.2f} ms"
@@ -89,7 +89,7 @@ def _measured(trial: Trial, outcome: CaptureOutcome) -> list[Finding]:
         ),
         _skew(trial.clock_estimate),
     ]
-    width_ms = values.get("offset_uncertainty_ms")
+    width_ms = None if clock is None else clock.offset_uncertainty_ms
     if width_ms is not None:
         found.append(Finding("clock offset", Verdict.INFO, f"known within {width_ms:.2f} ms"))
     return found

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -60,12 +59,6 @@ class LossReport:
     def share(self) -> float:
         """Missing samples as a share of those produced, 0-1."""
         return self.missing / self.produced if self.produced else 0.0
-
-    def to_json(self) -> dict[str, Any]:
-        """Return what a result file holds of losses."""
-        values: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
-        values["dropped_by_device"] = values.pop("dropped")
-        return values | {"missing": self.missing, "share": round(self.share, 9)}
 
 
 @dataclass(slots=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Sequence
 
+from analysis.scoring.recorded_parts import CycleLosses, Quality
 from host.losses.ledger import LossReport
 
 LOSS_LIMIT = 0.01
@@ -15,65 +15,18 @@ GAP_CYCLES_LIMIT = 0.25
 """Share of cycles with a gap from which the score is degraded."""
 
 
-@dataclass(frozen=True, slots=True)
-class CycleLosses:
-    """The account of one cycle; ``produced == received + lost + rejected + dropped_by_device``."""
-
-    produced: int
-    missing: int
-    """Of these, samples that are not here."""
-    rejected: int
-    """Of the missing, those that arrived damaged."""
-    dropped_by_device: int
-    """Of the missing, those that the device dropped."""
-
-    def to_json(self) -> dict[str, int]:
-        """Return plain values, with what follows from them."""
-        lost = self.missing - self.rejected - self.dropped_by_device
-        return {
-            "produced": self.produced,
-            "missing": self.missing,
-            "rejected": self.rejected,
-            "dropped_by_device": self.dropped_by_device,
-            "received": self.produced - self.missing,
-            "lost": lost,
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class LossVerdict:
-    """What the losses of one trial come to."""
-
-    degraded: bool
-    """Whether more is missing than a good trial may miss. There is a score all the same."""
-    reasons: tuple[str, ...]
-    """Why, a sentence each; empty where nothing is degraded."""
-    cycles_with_gaps: tuple[int, ...]
-    """Cycles, from 1, of which more than :data:`CYCLE_LOSS_LIMIT` is missing."""
-    limits: tuple[float, float, float] = (LOSS_LIMIT, CYCLE_LOSS_LIMIT, GAP_CYCLES_LIMIT)
-    """The limits that were applied: of the trial, of a cycle, of the share of cycles with gaps."""
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain values."""
-        return asdict(self)
-
-
-def judge_losses(losses: LossReport, missing: list[int], expected: list[int]) -> LossVerdict:
-    """Judge a trial by what is missing.
+def judge_losses(losses: LossReport, cycles: Sequence[CycleLosses]) -> Quality:
+    """Return what the missing samples of a trial come to.
 
     Parameters
     ----------
     losses : LossReport
         Of the whole trial.
-    missing : list of int
-        Missing samples of each cycle, in order.
-    expected : list of int
-        Samples each cycle should have, as long as ``missing``.
+    cycles : sequence of CycleLosses
+        Of each cycle, in order.
     """
     gaps = tuple(
-        number
-        for number, (gone, whole) in enumerate(zip(missing, expected, strict=True), start=1)
-        if gone > CYCLE_LOSS_LIMIT * whole
+        number for number, cycle in enumerate(cycles, start=1) if cycle.missing > CYCLE_LOSS_LIMIT * cycle.produced
     )
     reasons = []
     if losses.share > LOSS_LIMIT:
@@ -81,9 +34,9 @@ def judge_losses(losses: LossReport, missing: list[int], expected: list[int]) ->
             f"{100 * losses.share:.1f} % of the samples are missing ({losses.lost} lost on the link, "
             f"{losses.rejected} damaged, {losses.dropped} dropped by the object): the score is degraded"
         )
-    if missing and len(gaps) > GAP_CYCLES_LIMIT * len(missing):
+    if cycles and len(gaps) > GAP_CYCLES_LIMIT * len(cycles):
         reasons.append(
-            f"{len(gaps)} of {len(missing)} cycles miss more than {100 * CYCLE_LOSS_LIMIT:.0f} % of their samples "
+            f"{len(gaps)} of {len(cycles)} cycles miss more than {100 * CYCLE_LOSS_LIMIT:.0f} % of their samples "
             f"(cycle {', '.join(map(str, gaps[:8]))}{', ...' if len(gaps) > 8 else ''}): the score is degraded"
         )
-    return LossVerdict(bool(reasons), tuple(reasons), gaps)
+    return Quality(bool(reasons), tuple(reasons), gaps, (LOSS_LIMIT, CYCLE_LOSS_LIMIT, GAP_CYCLES_LIMIT))

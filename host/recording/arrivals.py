@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from analysis.scoring.recorded_parts import ClockSegment, ClockStep, OfflineClock
+from analysis.scoring.result_parts import known
 from firmware_protocol.codec import decode_packet
 from firmware_protocol.errors import MalformedPacketError, ProtocolError
 from firmware_protocol.items import StreamItem
@@ -167,31 +168,30 @@ def _frames(parts: list[AnyChunk]) -> tuple[IntArray, npt.NDArray[np.void]] | No
     return functions, records
 
 
-def clock_values(clock: RemappedClock | None, n_unplaced: int) -> dict[str, Any] | None:
-    """Return what the offline pass found, for a result file; None where it found nothing."""
+def offline_clock(clock: RemappedClock | None, n_unplaced: int) -> OfflineClock | None:
+    """Return what the offline pass found, for a result; None where it found nothing."""
     if clock is None:
         return None
     longest = max(clock.segments, key=lambda segment: segment.n_chunks)
-    interval = longest.interval
-    bounds_ns = interval.bounds_ns
-    return {
-        "offset_ms": longest.offset_ns / 1e6,
-        "offset_interval_ms": None if bounds_ns is None else [(longest.offset_ns + ns) / 1e6 for ns in bounds_ns],
-        "mapped_time_error_ms": None if bounds_ns is None else [ns / 1e6 for ns in bounds_ns],
-        "round_trips": interval.n_round_trips,
-        "consistent": all(segment.interval.consistent for segment in clock.segments),
-        "skew_ppm": longest.skew_ppm,
-        "jitter_p50_ms": longest.jitter_p50_ns / 1e6,
-        "jitter_p99_ms": longest.jitter_p99_ns / 1e6,
-        "window_s": longest.window_s,
-        "bursty": longest.bursty,
-        "arrivals": sum(segment.n_chunks for segment in clock.segments),
-        "samples_unplaced": n_unplaced,
-        "segments": [
-            {"samples": segment.stop - segment.start, "skew_ppm": segment.skew_ppm} for segment in clock.segments
-        ],
-        "steps": [{"by_s": step.disagreement_us / 1e6, "gap_s": step.gap_ns / 1e9} for step in clock.steps],
-    }
+    bounds_ns, offset_ns = longest.interval.bounds_ns, longest.offset_ns
+    return OfflineClock(
+        offset_ms=offset_ns / 1e6,
+        offset_interval_ms=None
+        if bounds_ns is None
+        else ((offset_ns + bounds_ns[0]) / 1e6, (offset_ns + bounds_ns[1]) / 1e6),
+        mapped_time_error_ms=None if bounds_ns is None else (bounds_ns[0] / 1e6, bounds_ns[1] / 1e6),
+        round_trips=longest.interval.n_round_trips,
+        consistent=all(segment.interval.consistent for segment in clock.segments),
+        skew_ppm=known(longest.skew_ppm),
+        jitter_p50_ms=known(longest.jitter_p50_ns / 1e6),
+        jitter_p99_ms=known(longest.jitter_p99_ns / 1e6),
+        window_s=known(longest.window_s),
+        bursty=longest.bursty,
+        arrivals=sum(segment.n_chunks for segment in clock.segments),
+        samples_unplaced=n_unplaced,
+        segments=tuple(ClockSegment(part.stop - part.start, known(part.skew_ppm)) for part in clock.segments),
+        steps=tuple(ClockStep(step.disagreement_us / 1e6, step.gap_ns / 1e9) for step in clock.steps),
+    )
 
 
 MAX_ROUND_TRIPS = 200_000

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
+from analysis.scoring.recorded_parts import OfflineClock
 from analysis.series import OrientationSeries
 from firmware_protocol.items import StreamCounters
 from firmware_protocol.packets import Info, Status
@@ -18,7 +18,7 @@ from host.links.uri import parse_link_uri
 from host.losses.ledger import LossReport
 from host.losses.runs import MissingRun
 from host.recording import format as fmt
-from host.recording.arrivals import RecordedRoundTrips, clock_values
+from host.recording.arrivals import RecordedRoundTrips, offline_clock
 from host.recording.assembly import MAX_EVENTS, TimedEvent, TrialAssembly
 from host.recording.bulk.raw_stretch import RawStretch
 from host.recording.reader import RecordedMessage, RecordingHeader, RecordingReader
@@ -46,7 +46,7 @@ class RecordedTrial:
     events: tuple[TimedEvent, ...]
     reconnects: int
     """How often the link was lost and opened again."""
-    late_clock: Callable[[], dict[str, Any] | None]
+    late_clock: Callable[[], OfflineClock | None]
     """Makes :attr:`clock`."""
     segments: tuple[SegmentStart, ...]
     """Where the device was reset or its clock stepped, after the first."""
@@ -60,7 +60,7 @@ class RecordedTrial:
     """What the operator did, in order, at most :data:`MAX_EVENTS`."""
 
     @property
-    def clock(self) -> dict[str, Any] | None:
+    def clock(self) -> OfflineClock | None:
         """What the offline pass finds of the object's clock and of the link's jitter; None where it finds nothing.
 
         It runs at the first call.
@@ -108,7 +108,7 @@ def assemble(
         temperatures_c=tuple(assembly.temperatures_c),
         events=tuple(assembly.events),
         reconnects=assembly.reopened,
-        late_clock=cache(lambda: clock_values(arrivals.remapped(round_trips), arrivals.n_unplaced)),
+        late_clock=cache(lambda: offline_clock(arrivals.remapped(round_trips), arrivals.n_unplaced)),
         segments=tuple(assembler.segments),
         problems=(*assembly.link.problems, *assembler.problems),
         damage=(),

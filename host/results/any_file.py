@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from analysis.formats import read_series
 from analysis.scoring.choice import EndpointChoice
-from analysis.scoring.trial_score import TrialScore
+from analysis.scoring.result import Result
 from analysis.series import AnalysisError, OrientationSeries, SeriesError
 from firmware_protocol.packets import Info
 from host.errors import FileError, UsageError, unreadable
@@ -39,15 +38,10 @@ class ScoredRecording:
 
     series: OrientationSeries
     """The samples."""
-    score: TrialScore
+    result: Result
     """The score, with the path of the file left out: the same file anywhere gives the same result."""
     info: Info | None = None
     """The object as it introduced itself; None for other people's files."""
-
-    @property
-    def result(self) -> dict[str, Any]:
-        """The score as JSON values."""
-        return dict(self.score.to_json())
 
 
 def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[OrientationSeries, RecordedTrial | None]:
@@ -94,13 +88,13 @@ def score_recording(
 
     Parameters
     ----------
-    path
+    path : Path
         The recording.
-    options
+    options : ScoreOptions, optional
         What a person chose for the score.
-    reading
+    reading : ReadOptions, optional
         How to read a file that is not ours.
-    window
+    window : Window, optional
         In place of ``options.window``, where its ends may be markers.
 
     Raises
@@ -117,12 +111,12 @@ def score_recording(
     if window is not None:
         options = replace(options, window=resolve_window(window, trial))
     try:
-        score = score_plain(series, options) if trial is None else score_trial(trial, options)
+        result = score_plain(series, options) if trial is None else score_trial(trial, options)
     except SeriesError as error:
         raise UsageError(f"{path.name}: {error}", "choose end points or a window inside the recording") from error
     except AnalysisError as error:
         raise FileError(f"{path.name}: {error}") from error
-    return ScoredRecording(series, score, None if trial is None else trial.info)
+    return ScoredRecording(series, result, None if trial is None else trial.info)
 
 
 def _without_path(choice: EndpointChoice) -> EndpointChoice:

@@ -1,4 +1,4 @@
-"""Many recordings at once, over the cores; one bad file does not stop the rest, even if it takes its process down."""
+"""Many recordings at once, over the cores; one bad file does not stop the rest, even if its process dies of it."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import active_children, get_context
 from pathlib import Path
-from typing import Any
 
+from analysis.scoring.result import Result
 from host.errors import FileError, HostError, UsageError
 from host.results.any_file import ReadOptions, score_recording
 from host.results.result import ScoreOptions
 from host.results.window import Window
 
 SUFFIXES = frozenset({".bag", ".csv", ".mcap", ".parquet", ".pq", ".tum", ".txt"})
-"""What is taken from a folder; the format itself is recognised from the content."""
+"""What counts as a recording in a folder; the format itself is recognised from the content."""
 MAX_FILES = 10_000
 
 
@@ -29,8 +29,8 @@ class BatchRow:
     """One recording of a batch."""
 
     path: Path
-    result: dict[str, Any] | None
-    """The result as JSON values; None where the file could not be scored."""
+    result: Result | None
+    """None where the file could not be scored."""
     error: str | None
     """Why not, in one sentence."""
     exit_code: int
@@ -38,7 +38,7 @@ class BatchRow:
 
 
 def expand(paths: Sequence[Path]) -> list[Path]:
-    """Replace folders by the recordings in them, at any depth, in the order of their names.
+    """Return the paths with folders replaced by the recordings in them, at any depth, in the order of their names.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _is_bag(path: Path) -> bool:
 
 def score_many(
     paths: Iterable[Path],
-    told: Callable[[BatchRow], None],
+    report: Callable[[BatchRow], None],
     options: ScoreOptions | None = None,
     reading: ReadOptions | None = None,
     window: Window | None = None,
@@ -97,10 +97,10 @@ def score_many(
     ----------
     paths : iterable of Path
         Files, in the order of the answer.
-    told : callable
+    report : callable
         Called in this process whenever a file is done, in any order.
-    options, reading, window
-        As :func:`host.results.any_file.score_recording` takes them, the same for every file.
+    options, reading, window : ScoreOptions, ReadOptions, Window, optional
+        As for :func:`host.results.any_file.score_recording`, the same for every file.
     workers : int, optional
         Processes; by default one per core.
 
@@ -122,8 +122,8 @@ def score_many(
             except BrokenProcessPool:
                 unfinished.append(jobs[job])
                 continue
-            told(row)
-    # A process that is killed, say for want of memory, ends the pool: whatever it did not finish is scored alone.
+            report(row)
+    # A process that is killed, e.g. for want of memory, ends the pool: whatever it did not finish is scored alone.
     for number in sorted(unfinished):
         with _pool(1) as pool:
             with _interrupts_not_inherited():
@@ -133,13 +133,13 @@ def score_many(
             except BrokenProcessPool:
                 row = BatchRow(paths[number], None, "the process that scored it was killed: not enough memory?", 4)
         rows[number] = row
-        told(row)
+        report(row)
     return [rows[number] for number in range(len(paths))]
 
 
 @contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Give processes that end with the block: at once where it is interrupted."""
+    """Yield processes that end with the block: at once where it is interrupted."""
     others = set(active_children())
     # A fresh interpreter each: a fork would inherit the progress bar's thread and its locks.
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
@@ -171,9 +171,9 @@ def _interrupts_not_inherited() -> Iterator[None]:
 def score_row(path: Path, options: ScoreOptions | None, reading: ReadOptions | None, window: Window | None) -> BatchRow:
     """Score one file; whatever is wrong with it becomes part of the row."""
     try:
-        scored = score_recording(path, options, reading, window)
+        result = score_recording(path, options, reading, window).result
     except HostError as error:
         return BatchRow(path, None, str(error), error.exit_code)
     except Exception as error:  # noqa: BLE001 - one bad file must not stop the rest
         return BatchRow(path, None, f"a fault of rotdrift itself ({type(error).__name__}: {error})", 4)
-    return BatchRow(path, scored.result, None, 0 if scored.score.valid else 1)
+    return BatchRow(path, result, None, 0 if result.valid else 1)

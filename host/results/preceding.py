@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from analysis.scoring.choice import parse_endpoints
-from analysis.scoring.trust import endpoint_quats
 from analysis.series import FloatArray, ReaderError
 from host.errors import FileError, UsageError
 from host.results.any_file import ReadOptions, score_recording
@@ -16,13 +15,13 @@ _EXAMPLE = "e.g. --preceding T42_cube_roll_1.csv=1175,1639,2099"
 
 
 def preceding_endpoints(given: Sequence[str], reading: ReadOptions | None = None) -> tuple[FloatArray, ...]:
-    """Find the end points of earlier recordings.
+    """Return the end points of earlier recordings.
 
     Parameters
     ----------
     given : sequence of str
-        ``FILE``, whose end points are searched, or ``FILE=ENDPOINTS`` with rows, times or a CSV as ``--endpoints``
-        takes them; in the order in which the script worked through them.
+        ``FILE``, whose end points are searched, or ``FILE=ENDPOINTS`` with rows, times or a CSV as for
+        ``--endpoints``; in the order in which the script worked through them.
     reading : ReadOptions, optional
         How to read files that are not ours.
 
@@ -40,7 +39,7 @@ def preceding_endpoints(given: Sequence[str], reading: ReadOptions | None = None
     found = []
     for text in given:
         path, options = _parsed(text)
-        quats = endpoint_quats(score_recording(path, options, reading).score.endpoints)
+        quats = score_recording(path, options, reading).result.endpoint_quats_wxyz
         if len(quats) < 2:
             raise UsageError(f"--preceding {path.name}: {len(quats)} end points, too few", f"give them; {_EXAMPLE}")
         found.append(quats)

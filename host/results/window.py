@@ -15,11 +15,11 @@ Bound: TypeAlias = float | str | None
 """Seconds since the first sample; ``m3`` for the third marker; None for the end of the recording."""
 
 Window: TypeAlias = tuple[Bound, Bound]
-"""Begin and end."""
+"""Start and end."""
 
 
 def parse_bound(text: str) -> float | str:
-    """Parse what ``--from`` or ``--to`` was given; for argparse.
+    """Return the value of ``--from`` or ``--to``; for argparse.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def parse_bound(text: str) -> float | str:
 
 
 def resolve_window(window: Window | None, trial: RecordedTrial | None) -> tuple[float | None, float | None] | None:
-    """Replace markers by their times.
+    """Return a window with markers replaced by their times.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def resolve_window(window: Window | None, trial: RecordedTrial | None) -> tuple[
     Raises
     ------
     UsageError
-        There is no such marker; says which there are.
+        There is no such marker; names those there are.
     """
     if window is None:
         return None
@@ -64,7 +64,7 @@ def resolve_window(window: Window | None, trial: RecordedTrial | None) -> tuple[
 
 
 def marker_times_s(trial: RecordedTrial) -> dict[str, float]:
-    """Find the markers of a recording: the operator's m1, m2, …; where there is none, the object's by their value.
+    """Return the markers of a recording: the operator's m1, m2, …; where there is none, the object's by their value.
 
     Returns
     -------

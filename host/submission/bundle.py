@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
-from analysis.reporting.errors import BundleError
 from host.text import plain
 
 MANIFEST = "SHA256SUMS"
@@ -38,6 +37,10 @@ MAX_NAME = 240
 _LOCAL_HEADER, _DIRECTORY_ENTRY, _DIRECTORY_END = 30, 46, 22
 """Sizes of the fixed parts of a zip, B; a name follows the first two."""
 _READ_ERRORS = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError, RuntimeError)
+
+
+class BundleError(Exception):
+    """A bundle that is refused or cannot be read: not a zip, hostile, damaged, not ours; one sentence names why."""
 
 
 @dataclass(frozen=True)

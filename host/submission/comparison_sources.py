@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from analysis.reporting.comparison import ComparedSource
-from analysis.reporting.errors import BundleError
-from analysis.reporting.result_view import ResultView
 from analysis.reporting.tables import TrialFigure
-from analysis.scoring.trial_score import RESULT_FORMAT
+from analysis.scoring.recorded_parts import RecordedObject
+from analysis.scoring.result import RESULT_FORMAT, Result, parse_result
 from host.errors import FileError, UsageError, unreadable
-from host.submission.bundle import check_manifest, read_bundle, read_folder
+from host.submission.bundle import BundleError, check_manifest, read_bundle, read_folder
 from host.submission.manifest import CARD, CONVENTIONS, SCORE_VERSION, Submission, parse_submission
 from host.text import plain
 
@@ -52,7 +49,7 @@ def _load(path: Path) -> ComparedSource:
             return _from_submission(path.stem, parse_submission(files.get("submission.json", b"")))
         if path.stat().st_size > MAX_RESULT_BYTES:
             raise FileError(f"{path} is too large for a result", "give what `rotdrift score --json` printed")
-        return _from_result(path.stem, json.loads(path.read_bytes()))
+        return _from_result(path.stem, parse_result(path.read_bytes()))
     except OSError as error:
         raise unreadable(path, error) from error
     except (BundleError, ValueError, TypeError, KeyError, RecursionError) as error:
@@ -70,9 +67,7 @@ def _from_submission(name: str, submission: Submission) -> ComparedSource:
             plain(trial.object),
             plain(trial.motion),
             trial.theta_bar_deg if trial.valid else None,
-            None
-            if trial.interval_low_deg is None or trial.interval_high_deg is None
-            else (trial.interval_low_deg, trial.interval_high_deg),
+            trial.interval_deg,
         )
         for trial in submission.trials
     )
@@ -87,15 +82,11 @@ def _from_submission(name: str, submission: Submission) -> ComparedSource:
     return ComparedSource(plain(name), tuple((plain(k), plain(v)) for k, v in rules.items()), trials, note)
 
 
-def _from_result(name: str, result: Any) -> ComparedSource:  # noqa: ANN401 - whatever the file holds
-    if not isinstance(result, dict) or "theta_bar_deg" not in result:
-        raise ValueError("no theta_bar_deg in it")
-    form = result.get("format")
-    version = SCORE_VERSION if form == RESULT_FORMAT else f"result format {plain(form)}"
-    view = ResultView.of(result)
-    thing = (result.get("object") or {}).get("name") or "unknown object"
+def _from_result(name: str, result: Result) -> ComparedSource:
+    version = SCORE_VERSION if result.format == RESULT_FORMAT else f"result format {result.format}"
+    thing = result.object.name if isinstance(result.object, RecordedObject) and result.object.name else "unknown object"
     trial = _checked(
-        "unknown hand", plain(thing), f"unknown motion ({plain(name)})", view.theta_bar_deg, view.interval_deg
+        "unknown hand", plain(thing), f"unknown motion ({plain(name)})", result.theta_bar_deg, result.interval_deg
     )
     rules = {"card": CARD, "score version": version, **CONVENTIONS}
     return ComparedSource(plain(name), tuple(rules.items()), (trial,), "a bare result: it has no cards")
@@ -107,7 +98,7 @@ def _checked(
     """Refuse numbers that no score can have: they would spoil every table and figure."""
     low, high = interval or (0.0, 180.0)
     if theta_bar_deg is not None and not 0.0 <= theta_bar_deg <= 180.0:
-        raise ValueError(f"θ̄ = {theta_bar_deg:g}° is no rotation drift")
+        raise ValueError(f"θ̄ = {theta_bar_deg:g}° is not a valid rotation drift")
     if not 0.0 <= low <= high <= 1000.0:
-        raise ValueError(f"{low:g} … {high:g}° is no interval of a rotation drift")
+        raise ValueError(f"{low:g} … {high:g}° is not a valid interval of one")
     return TrialFigure(hand, thing, motion, theta_bar_deg, interval)

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import msgspec
-
-from analysis.reporting import overview, style
+from analysis.reporting import style
+from analysis.reporting.comparison import forest_bytes
 from analysis.reporting.figure_set import draw_figures
 from analysis.reporting.html import report_html
 from analysis.reporting.pdf import report_pdf
-from analysis.reporting.tables import TrialFigure, pool, summary_csv, summary_latex, summary_markdown
+from analysis.reporting.tables import pool, summary_csv, summary_latex, summary_markdown
 from host.errors import UsageError
 from host.submission.made_with import made_with
 from host.submission.manifest import (
@@ -27,12 +27,10 @@ from host.submission.manifest import (
     SCORE_VERSION,
     SUBMISSION_FORMAT,
     Submission,
-    SummaryRow,
-    TrialEntry,
     submission_json,
 )
 from host.submission.source import TrialSource
-from host.submission.trial_files import BuiltTrial, build_trial
+from host.submission.trial_files import BuiltTrial, build_trial, trial_entry
 from host.submission.trial_labels import trial_labels
 
 DEFAULT_TITLE = "Rotation Drift Benchmark submission"
@@ -73,11 +71,11 @@ def build_submission(
     ----------
     sources : sequence of TrialSource
         In any order; the result does not depend on it.
-    title : str
+    title : str, optional
         Title of the report.
     versions : dict, optional
         What to write as ``made_with``; by default those installed here.
-    drawings : bool
+    drawings : bool, optional
         Whether to make figures and reports; without them only data and numbers are made.
 
     Raises
@@ -89,32 +87,17 @@ def build_submission(
     versions = versions if versions is not None else made_with()
     parquet = "pyarrow" in versions and "pyarrow" in made_with()
     trials = _named([build_trial(source, parquet=parquet) for source in sources])
-    summary = pool([_figure(trial.entry) for trial in trials])
+    summary = pool([trial.report.figure for trial in trials])
     submission = Submission(
         format=SUBMISSION_FORMAT,
         card=CARD,
         score_version=SCORE_VERSION,
         title=title,
-        complete=not any(trial.entry.missing for trial in trials),
+        complete=not any(trial.report.missing for trial in trials),
         conventions=CONVENTIONS,
         made_with=versions,
-        summary=[
-            SummaryRow(
-                hand=row.hand,
-                object=row.object,
-                motion=row.motion,
-                n_trials=row.n_trials,
-                n_valid=row.n_valid,
-                theta_bar_mean_deg=row.mean_deg,
-                theta_bar_min_deg=row.min_deg,
-                theta_bar_max_deg=row.max_deg,
-                interval_low_deg=None if row.interval_deg is None else row.interval_deg[0],
-                interval_high_deg=None if row.interval_deg is None else row.interval_deg[1],
-                interval_kind=row.interval_kind,
-            )
-            for row in summary
-        ],
-        trials=[trial.entry for trial in trials],
+        summary=summary,
+        trials=[trial_entry(trial) for trial in trials],
     )
     files = {
         "submission.json": submission_json(submission),
@@ -124,7 +107,7 @@ def build_submission(
         "CITATION.txt": CITATION.format(version=versions.get("rotdrift", "")).encode(),
     }
     for trial in trials:
-        files.update({f"trials/{trial.entry.id}/{name}": content for name, content in trial.files.items()})
+        files.update({f"trials/{trial.report.id}/{name}": content for name, content in trial.files.items()})
     if drawings:
         files.update(_drawings(trials, title, versions.get("rotdrift", "")))
     notes = _notes(trials)
@@ -151,8 +134,8 @@ def _drawings(trials: Sequence[BuiltTrial], title: str, version: str) -> dict[st
         for figure in figures
         for kind, content in figure.files.items()
     }
-    pooled = overview.pooled(reports)
-    forest = {kind: overview.forest(pooled, kind) for kind in style.FORMATS}
+    pooled = pool([report.figure for report in reports])
+    forest = {kind: forest_bytes(pooled, kind) for kind in style.FORMATS}
     files.update({f"figures/summary.{kind}": content for kind, content in forest.items()})
     files["report.html"] = report_html(reports, title=title, version=version, drawn=drawn, forest=forest).encode()
     files["report.pdf"] = report_pdf(reports, title=title, version=version, drawn=drawn, forest=forest)
@@ -160,26 +143,21 @@ def _drawings(trials: Sequence[BuiltTrial], title: str, version: str) -> dict[st
 
 
 def _named(trials: list[BuiltTrial]) -> list[BuiltTrial]:
-    """Name trials by hand, object and motion, repeats numbered in an order that does not depend on the input's."""
+    """Return trials named by hand, object and motion, repeats numbered in an order that the input's does not change."""
     labels = trial_labels([trial.cards for trial in trials], [Path(trial.source.file_name).stem for trial in trials])
     trials = [
-        replace(
-            trial,
-            report=replace(trial.report, hand=hand, object=thing, motion=motion),
-            entry=msgspec.structs.replace(trial.entry, hand=hand, object=thing, motion=motion),
-        )
+        replace(trial, report=replace(trial.report, hand=hand, object=thing, motion=motion))
         for trial, (hand, thing, motion) in zip(trials, labels, strict=True)
     ]
-    trials.sort(key=lambda trial: (_stem(trial), trial.source.file_name, trial.entry.raw.sha256))
-    counts: dict[str, int] = {}
+    trials.sort(key=lambda trial: (_stem(trial), trial.source.file_name, trial.source.sha256))
+    counts: Counter[str] = Counter()
     named = []
     for trial in trials:
         stem = _stem(trial)
-        counts[stem] = counts.get(stem, 0) + 1
+        counts[stem] += 1
         name = f"{stem}--{counts[stem]:02d}"
-        entry = msgspec.structs.replace(trial.entry, id=name)
         provenance = (("id of the trial", name), *trial.report.provenance)
-        named.append(replace(trial, report=replace(trial.report, id=name, provenance=provenance), entry=entry))
+        named.append(replace(trial, report=replace(trial.report, id=name, provenance=provenance)))
     return named
 
 
@@ -192,14 +170,5 @@ def _slug(text: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", flat.lower()).strip("-")[:40].strip("-") or "x"
 
 
-def _figure(entry: TrialEntry) -> TrialFigure:
-    ends = (
-        None
-        if entry.interval_low_deg is None or entry.interval_high_deg is None
-        else (entry.interval_low_deg, entry.interval_high_deg)
-    )
-    return TrialFigure(entry.hand, entry.object, entry.motion, entry.theta_bar_deg, ends)
-
-
 def _notes(trials: Sequence[BuiltTrial]) -> tuple[str, ...]:
-    return tuple(f"{trial.entry.id}: {note}" for trial in trials for note in trial.report.notes)
+    return tuple(f"{trial.report.id}: {note}" for trial in trials for note in trial.report.notes)

@@ -1,14 +1,16 @@
-"""``submission.json``: what a submission says of itself, as types; published as a JSON Schema as well.
+"""``submission.json``: a submission's account of itself, as types; published as a JSON Schema as well.
 
 Units stand in the names, the order of fields and trials is fixed, so that two submissions can be compared by ``diff``.
 """
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import msgspec
+
+from analysis.reporting.tables import SummaryRow
+from analysis.scoring.result import schema_text
 
 SUBMISSION_FORMAT = 1
 """Version of the layout; a reader refuses others."""
@@ -60,21 +62,11 @@ class TrialEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     missing: list[str]
     raw: RawFile
 
-
-class SummaryRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Repeats of one hand, object and motion, pooled."""
-
-    hand: str
-    object: str
-    motion: str
-    n_trials: int
-    n_valid: int
-    theta_bar_mean_deg: float | None
-    theta_bar_min_deg: float | None
-    theta_bar_max_deg: float | None
-    interval_low_deg: float | None
-    interval_high_deg: float | None
-    interval_kind: str
+    @property
+    def interval_deg(self) -> tuple[float, float] | None:
+        """Both ends of the interval; None where there is none."""
+        low, high = self.interval_low_deg, self.interval_high_deg
+        return None if low is None or high is None else (low, high)
 
 
 class Submission(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -92,7 +84,7 @@ class Submission(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def submission_json(submission: Submission) -> bytes:
-    """Write ``submission.json``: indented, in the order of the types, full precision."""
+    """Return ``submission.json``: indented, in the order of the types, full precision."""
     return msgspec.json.format(msgspec.json.encode(submission), indent=1) + b"\n"
 
 
@@ -114,18 +106,5 @@ def parse_submission(data: bytes) -> Submission:
 
 
 def submission_schema() -> str:
-    """Build the JSON Schema (2020-12) of ``submission.json``."""
-    schema = msgspec.json.schema(Submission)
-    body = schema["$defs"].pop("Submission")
-    return (
-        json.dumps(
-            {
-                "$schema": "https://json-schema.org/draft/2020-12/schema",
-                **body,
-                "title": "rotdrift submission",
-                "$defs": schema["$defs"],
-            },
-            indent=2,
-        )
-        + "\n"
-    )
+    """Return the JSON Schema (2020-12) of ``submission.json``."""
+    return schema_text(Submission, "rotdrift submission")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import msgspec
@@ -44,17 +45,17 @@ class Choices(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
         return ReadOptions(self.columns, self.rate_hz, self.topic, self.node)
 
     def options(self, baseline: Path | None) -> ScoreOptions:
-        """How to score it."""
+        """Return how to score it, for a result that is written."""
         window = None if self.from_s is None and self.to_s is None else (self.from_s, self.to_s)
         points = None
         if self.endpoint_kind is not None:
             points = EndpointChoice(
                 self.endpoint_kind, self.endpoint_values, self.endpoint_reasons, self.endpoint_source or "given"
             )
-        return ScoreOptions(window, points, baseline)
+        return ScoreOptions(window, points, baseline, clock=True)
 
     def with_endpoints(self, choice: EndpointChoice) -> Choices:
-        """Give the choices with these end points."""
+        """Return the choices with these end points."""
         return msgspec.structs.replace(
             self,
             endpoint_kind=choice.kind,
@@ -73,7 +74,7 @@ class TrialSource:
     data: bytes
     """The recording; empty where it is a folder."""
     cards: Cards
-    """As the card files say, before the object fills them."""
+    """As read from the card files, before the object fills them."""
     choices: Choices = Choices()
     """What a person chose."""
     baseline: bytes | None = None
@@ -86,7 +87,7 @@ class TrialSource:
         """Size of the recording."""
         return sum(len(content) for _, content in self.folder) if self.folder else len(self.data)
 
-    @property
+    @cached_property
     def sha256(self) -> str:
         """SHA-256 of the recording; of a folder that of its list of checksums, as ``sha256sum *`` prints it."""
         if not self.folder:
@@ -95,7 +96,7 @@ class TrialSource:
         return hashlib.sha256(lines.encode()).hexdigest()
 
     def written_to(self, place: Path) -> Path:
-        """Write the recording into an empty folder, for readers that want a path."""
+        """Write the recording into an empty folder, for readers that need a path; return it."""
         path = place / self.file_name
         if self.folder:
             path.mkdir()
@@ -106,7 +107,7 @@ class TrialSource:
         return path
 
     def files(self) -> dict[str, bytes]:
-        """Name these sources as they stand in the trial's folder of a bundle."""
+        """Return these sources by name, as they stand in the trial's folder of a bundle."""
         raw = f"raw/{self.file_name}"
         files = {f"{raw}/{name}": content for name, content in self.folder} if self.folder else {raw: self.data}
         files["cards.toml"] = dump_cards(self.cards).encode()
@@ -122,7 +123,7 @@ def load_source(recording: Path, cards: Cards, choices: Choices, baseline: Path 
     Raises
     ------
     UsageError
-        The recording is larger than a bundle may hold, or a folder that is no ROS 2 bag.
+        The recording is larger than a bundle may hold, or a folder that is not a ROS 2 bag.
     FileError
         A file cannot be read.
     """
@@ -139,10 +140,10 @@ def load_source(recording: Path, cards: Cards, choices: Choices, baseline: Path 
 
 
 def _bag(folder: Path) -> tuple[tuple[str, bytes], ...]:
-    """Read the files of a ROS 2 bag; names must be harmless, because ``metadata.yaml`` refers to them."""
+    """Return the files of a ROS 2 bag; names must be harmless, because ``metadata.yaml`` refers to them."""
     places = sorted(place for place in folder.iterdir() if not place.name.startswith("."))
     if not (folder / "metadata.yaml").is_file():
-        raise UsageError(f"{folder} is a folder without metadata.yaml, so no ROS 2 bag", "name the recordings in it")
+        raise UsageError(f"{folder} is a folder without metadata.yaml, so not a ROS 2 bag", "name the recordings in it")
     for place in places:
         if place.is_symlink() or not place.is_file() or safe_name(place.name) != place.name:
             raise UsageError(
@@ -159,12 +160,12 @@ def _refuse_large(recording: Path, n_bytes: int) -> None:
 
 
 def sources_in(files: Mapping[str, bytes]) -> dict[str, TrialSource]:
-    """Find the sources of every trial in a bundle, by trial id.
+    """Return the sources of every trial in a bundle, by trial id.
 
     Raises
     ------
     ValueError
-        A trial without exactly one recording, or cards or choices that are not such.
+        A trial without exactly one recording, or cards or choices that are not valid.
     """
     ids = sorted({name.split("/")[1] for name in files if name.startswith("trials/") and name.count("/") >= 2})
     found = {}
@@ -191,6 +192,6 @@ def sources_in(files: Mapping[str, bytes]) -> dict[str, TrialSource]:
 
 
 def safe_name(name: str) -> str:
-    """Make a file name that every system and the bundle accept."""
+    """Return a file name that every system and the bundle accept."""
     kept = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in name)
     return kept.lstrip(".")[-120:] or "recording"

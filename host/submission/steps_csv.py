@@ -7,23 +7,24 @@ import io
 
 import numpy as np
 
-from analysis.scoring.trial_score import TrialScore
+from analysis.geometry import rotations
+from analysis.scoring.card import step_rotations
+from analysis.scoring.result import Result
 
 
-def steps_csv_text(score: TrialScore) -> str:
-    """Write one row per step: cycle, angle in deg, rotation vector in deg (world frame), flags of its end.
+def steps_csv_text(result: Result) -> str:
+    """Return one row per step: cycle, angle in deg, rotation vector in deg (world frame), flags of its end.
 
     Parameters
     ----------
-    score
-        The score; without a valid one only the header is written.
+    result : Result
+        The score; without a valid one there is only the header.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(["cycle", "step_deg", "rx_deg", "ry_deg", "rz_deg", "flags"])
-    if score.drift is not None:
-        vectors = np.degrees(score.drift.step_rotvecs_rad).tolist()
-        for number, (angle, vector) in enumerate(zip(score.drift.steps_deg.tolist(), vectors, strict=True), start=1):
-            flags = "; ".join(score.endpoints[number].flags)
-            writer.writerow([number, repr(angle), *map(repr, vector), flags])
+    if result.steps_deg:
+        vectors = np.degrees(rotations.log(step_rotations(result.endpoint_quats_wxyz))).tolist()
+        for number, (angle, vector) in enumerate(zip(result.steps_deg, vectors, strict=True), start=1):
+            writer.writerow([number, repr(angle), *map(repr, vector), "; ".join(result.flags[number])])
     return buffer.getvalue()

@@ -5,17 +5,16 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from analysis.formats.named_csv import csv_text, endpoints_csv_text
 from analysis.formats.parquet import parquet_bytes
-from analysis.reporting.result_view import number
 from analysis.reporting.trial_report import TrialReport
+from analysis.scoring.recorded_parts import RecordedObject
+from analysis.scoring.result import Result, result_text
 from host.cards.definitions import Cards, card_values, missing_fields
 from host.cards.files import with_object
 from host.cards.tables import card_tables, hand_name, motion_name, object_name
 from host.results.any_file import score_recording
-from host.results.result import result_text
 from host.submission.manifest import RawFile, TrialEntry
 from host.submission.source import TrialSource
 from host.submission.steps_csv import steps_csv_text
@@ -28,21 +27,20 @@ class BuiltTrial:
 
     source: TrialSource
     cards: Cards
-    """The cards, filled with what the object says."""
+    """The cards, filled from the object's own."""
     report: TrialReport
-    entry: TrialEntry
     files: dict[str, bytes]
     """Its files by name within its folder, without figures."""
 
 
 def build_trial(source: TrialSource, *, parquet: bool = True) -> BuiltTrial:
-    """Score one trial and make its files.
+    """Return one trial, scored, with its files.
 
     Parameters
     ----------
     source : TrialSource
         Its recording, cards and choices.
-    parquet : bool
+    parquet : bool, optional
         Whether the samples are written as parquet too.
 
     Raises
@@ -59,8 +57,6 @@ def build_trial(source: TrialSource, *, parquet: bool = True) -> BuiltTrial:
         scored = score_recording(path, source.choices.options(baseline), source.choices.reading)
     cards, notes = with_object(source.cards, scored.info)
     result = scored.result
-    missing = missing_fields(cards)
-    recording = result.get("recording") or {}
     report = TrialReport(
         id="",
         hand=hand_name(cards),
@@ -70,77 +66,75 @@ def build_trial(source: TrialSource, *, parquet: bool = True) -> BuiltTrial:
         result=result,
         cards=card_tables(cards),
         comments=cards.trial.comments or "",
-        missing=missing,
-        notes=(*notes, *[str(note) for note in recording.get("notes") or []], *_said_by_operator(result)),
+        missing=missing_fields(cards),
+        notes=(*notes, *result.recording.notes, *_operator_notes(result)),
         provenance=_provenance(source, result),
-        losses=result.get("losses"),
     )
     files = source.files()
-    files["result.json"] = result_text(scored.score).encode()
-    files["endpoints.csv"] = endpoints_csv_text(result).encode()
-    files["steps.csv"] = steps_csv_text(scored.score).encode()
+    files["result.json"] = result_text(result).encode()
+    files["endpoints.csv"] = endpoints_csv_text(result.to_json()).encode()
+    files["steps.csv"] = steps_csv_text(result).encode()
     files["samples.csv"] = csv_text(scored.series).encode()
     if parquet:
         files["samples.parquet"] = parquet_bytes(scored.series)
-    return BuiltTrial(source, cards, report, _entry(report, card_values(cards), source), files)
+    return BuiltTrial(source, cards, report, files)
 
 
-def _entry(report: TrialReport, cards: dict[str, Any], source: TrialSource) -> TrialEntry:
-    result, view = report.result, report.view
-    companions, sensor = view.companions, result.get("sensor") or {}
-    low, high = view.interval_deg or (None, None)
+def trial_entry(trial: BuiltTrial) -> TrialEntry:
+    """Return a trial's entry in ``submission.json``."""
+    report, result, source = trial.report, trial.report.result, trial.source
+    companions, other, sensor = result.companions, result.other_extreme, result.sensor
+    low, high = result.interval_deg or (None, None)
     return TrialEntry(
-        id="",
+        id=report.id,
         hand=report.hand,
         object=report.object,
         motion=report.motion,
-        valid=view.valid,
-        theta_bar_deg=view.theta_bar_deg,
+        valid=result.valid,
+        theta_bar_deg=result.theta_bar_deg,
         interval_low_deg=low,
         interval_high_deg=high,
-        n_endpoints=view.n_endpoints,
-        period_s=view.period_s,
-        mean_step_deg=companions.get("mean_step_deg"),
-        drift_axis=result.get("axis"),
-        theta_bar_other_extreme_deg=(result.get("other_extreme") or {}).get("theta_bar_deg"),
-        translation_drift_mm=companions.get("translation_drift_mm"),
-        sensor_per_cycle_deg=sensor.get("per_cycle_deg"),
-        sensor_floor_deg=sensor.get("detectable_deg"),
-        reasons=list(result.get("reasons") or []),
-        warnings=list(result.get("warnings") or []),
+        n_endpoints=result.n_endpoints,
+        period_s=result.period_s,
+        mean_step_deg=None if companions is None else companions.mean_step_deg,
+        drift_axis=None if result.axis is None else list(result.axis),
+        theta_bar_other_extreme_deg=None if other is None else other.theta_bar_deg,
+        translation_drift_mm=None if companions is None else companions.translation_drift_mm,
+        sensor_per_cycle_deg=None if sensor is None else sensor.per_cycle_deg,
+        sensor_floor_deg=None if sensor is None else sensor.detectable_deg,
+        reasons=list(result.reasons),
+        warnings=list(result.warnings),
         convention=report.series.convention,
-        cards=cards,
+        cards=card_values(trial.cards),
         missing=list(report.missing),
         raw=RawFile(source.file_name, source.n_bytes, source.sha256),
     )
 
 
-def _provenance(source: TrialSource, result: dict[str, Any]) -> tuple[tuple[str, str], ...]:
+def _provenance(source: TrialSource, result: Result) -> tuple[tuple[str, str], ...]:
     rows = [
         ("recording", f"{source.file_name}, {source.n_bytes} bytes"),
         ("SHA-256 of the recording", source.sha256),
-        ("read as", str((result.get("recording") or {}).get("convention", ""))),
-        ("window", str((result.get("window") or {}).get("kind", ""))),
+        ("read as", result.recording.convention),
+        ("window", result.window.kind),
         ("baseline", "given" if source.baseline is not None else "none given"),
     ]
-    device = result.get("object") or {}
-    if device:
-        firmware = ".".join(str(part) for part in device.get("firmware_version") or ())
-        rows.append(("object", f"{device.get('name', '')} {device.get('device_id', '')}, firmware {firmware}"))
-        rows.append(("sensor and filter", f"{device.get('sensor', '')}, {device.get('filter', '')}"))
-    uri = (result.get("link") or {}).get("uri")
-    if uri:
-        rows.append(("link", str(uri)))
+    device = result.object
+    if isinstance(device, RecordedObject):
+        firmware = ".".join(map(str, device.firmware_version))
+        rows.append(("object", f"{device.name} {device.device_id}, firmware {firmware}"))
+        rows.append(("sensor and filter", f"{device.sensor}, {device.filter}"))
+    if result.link is not None and result.link.uri:
+        rows.append(("link", result.link.uri))
     return tuple(rows)
 
 
-def _said_by_operator(result: dict[str, Any]) -> tuple[str, ...]:
-    """Give markers, notes and edits of the operator as sentences; other keys of the screen change nothing."""
+def _operator_notes(result: Result) -> tuple[str, ...]:
+    """Return markers, notes and edits of the operator as sentences; other keys of the screen change nothing."""
     lines = []
-    for action in result.get("operator") or []:
-        if action.get("kind") in {MARKER, NOTE, WINDOW_START, WINDOW_STOP, EXCLUDE, INCLUDE}:
-            time_s = number(action.get("time_s"))
-            at = "" if time_s is None else f" at {time_s:.1f} s"
-            said = f": {action['text']}" if action.get("text") else ""
-            lines.append(f"operator, {action['kind']}{at}{said}")
+    for action in result.operator or ():
+        if action.kind in {MARKER, NOTE, WINDOW_START, WINDOW_STOP, EXCLUDE, INCLUDE}:
+            at = "" if action.time_s is None else f" at {action.time_s:.1f} s"
+            text = f": {action.text}" if action.text else ""
+            lines.append(f"operator, {action.kind}{at}{text}")
     return tuple(lines)

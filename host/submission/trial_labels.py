@@ -1,4 +1,4 @@
-"""What tells trials apart by name: objects of the same type and size, or the same hand under other control, are two.
+"""What distinguishes trials by name: objects of the same type and size, or the same hand under other control, are two.
 
 The summary pools trials of one hand, object and motion. So wherever cards differ in what the benchmark card asks for,
 the names must differ too: ``cube 60 × 60 × 60 mm (rough)`` beside ``cube 60 × 60 × 60 mm (smooth)``.
@@ -17,17 +17,17 @@ HAND_LABELS = (
     "software",
 )  # fmt: skip
 MOTION_LABELS = ("axis", "protocol")
-MAX_TOLD = 60
+MAX_LABEL = 60
 """Longest text that is put beside a name."""
 
 
 def trial_labels(cards: Sequence[Cards], files: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Name hand, object and motion of every trial, so that only repeats have all three in common.
+    """Return hand, object and motion of every trial, so that only repeats have all three in common.
 
     Parameters
     ----------
     cards : sequence of Cards
-        Of each trial, filled with what the object says.
+        Of each trial, filled from the object's own.
     files : sequence of str
         Name of each recording, without its ending: recordings of which no motion is known are no repeats.
 
@@ -45,7 +45,7 @@ def trial_labels(cards: Sequence[Cards], files: Sequence[str]) -> list[tuple[str
         for card, file in zip(cards, files, strict=True)
     ]
     names = [hand_name(card) for card in cards]
-    # A hand may well have other set points for another motion: only what would be pooled is told apart.
+    # A hand may well have other set points for another motion: only what would be pooled is distinguished.
     pooled = [f"{thing}\0{motion}" for thing, motion in zip(objects, motions, strict=True)]
     hands = _apart(names, pooled, [row["Hand"] for row in rows], HAND_LABELS)
     pooled = [f"{thing}\0{hand}" for thing, hand in zip(objects, hands, strict=True)]
@@ -56,11 +56,11 @@ def trial_labels(cards: Sequence[Cards], files: Sequence[str]) -> list[tuple[str
 def _apart(
     names: Sequence[str], within: Sequence[str], values: Sequence[dict[str, str]], labels: Sequence[str]
 ) -> list[str]:
-    """Put beside equal names, within one group, the values in which they differ."""
+    """Return the names, equal ones within one group with the values in which they differ."""
     found = []
     for name, group, own in zip(names, within, values, strict=True):
         twins = [v for n, g, v in zip(names, within, values, strict=True) if (n, g) == (name, group)]
         differing = [label for label in labels if len({twin.get(label, "") for twin in twins}) > 1]
-        told = [text for label in differing if (text := own.get(label) or f"{label} not given") != name]
-        found.append(f"{name} ({', '.join(text[:MAX_TOLD] for text in told)})" if told else name)
+        apart = [text for label in differing if (text := own.get(label) or f"{label} not given") != name]
+        found.append(f"{name} ({', '.join(text[:MAX_LABEL] for text in apart)})" if apart else name)
     return found

@@ -14,9 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.reporting.errors import BundleError
 from host.errors import FileError, HostError
-from host.submission.bundle import MANIFEST, check_manifest, read_bundle, read_folder
+from host.submission.bundle import MANIFEST, BundleError, check_manifest, read_bundle, read_folder
 from host.submission.contents import build_submission
 from host.submission.differences import content_differences
 from host.submission.made_with import PARQUET, decides, is_drawn, made_with, other_versions

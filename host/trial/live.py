@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from analysis.cycles.online.detector import OnlineCycleDetector
+from analysis.scoring.recorded_parts import LiveClock
 from analysis.sensor.baseline import StaticBaseline
 from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import Event, OrientationBatch
@@ -159,10 +159,10 @@ class Trial:
         """What is known of the object's clock now; None before the first sample."""
         return self._clock.estimate()
 
-    def clock_values(self) -> dict[str, Any] | None:
+    def clock_values(self) -> LiveClock | None:
         """Return the live estimate of the object's clock, for a result file; None before the first sample."""
         estimate = self._clock.estimate()
-        return None if estimate is None else estimate.to_json()
+        return None if estimate is None else estimate.account()
 
     def _map(self, samples: UnwrappedSamples) -> None:
         stamps_ns = self._clock.map(samples.device_time_us, samples.host_time_ns)

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from analysis.scoring.score_parts import ExcludedCycle
+from analysis.scoring.result_parts import ExcludedCycle
 from host.text import plain
 
 MARKER, NOTE = "marker", "note"

@@ -56,13 +56,13 @@ def test_two_nodes_of_one_bus_are_two_objects(tmp_path, request):
     for outcome, (name, drift_deg) in zip(outcomes, DRIFT_DEG.items(), strict=True):
         assert outcome.error is None
         assert outcome.exit_code == 0
-        assert outcome.result["object"]["name"] == name
-        assert outcome.result["theta_bar_deg"] == pytest.approx(drift_deg, abs=0.01)
-        losses = outcome.result["losses"]
-        assert losses["produced"] == losses["received"] + losses["missing"]
+        assert outcome.result.object.name == name
+        assert outcome.result.theta_bar_deg == pytest.approx(drift_deg, abs=0.01)
+        losses = outcome.result.losses
+        assert losses.produced == losses.received + losses.missing
     # Each recording holds the whole bus; scoring it again finds its own object by the node of its link.
     for path, outcome in zip(paths, outcomes, strict=True):
-        assert load_trial(path).info.name == outcome.result["object"]["name"]
+        assert load_trial(path).info.name == outcome.result.object.name
     assert [[action.kind for action in load_trial(path).actions] for path in paths] == [[], ["note"]]
     lines = [line.plain for line in picture((screen.states[0], screen.states[1]), View(focus=1), 80, 24)]
     cube, ball = (next(line for line in lines if line[5:9] == name) for name in DRIFT_DEG)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.cycles.search import find_cycles
 from emulator.faults.definitions import FaultSettings, TimedFault
 from emulator.scenario import load_scenario, scenario_names
 from host.recording.load import assemble, load_trial
@@ -94,19 +95,25 @@ def test_an_object_whose_link_is_full_says_how_many_samples_it_dropped():
 # ---- what losses do to a score --------------------------------------------------------------------------------------
 
 
-def scored(faults, cycles=10):
+def recorded(faults, cycles=10):
     chunks, truth = faulty_chunks(replace(scenario("ideal", motion={"cycles": cycles}), faults=faults))
-    return score_trial(assemble(chunks, "x")), truth
+    return assemble(chunks, "x"), truth
+
+
+def scored(faults):
+    trial, truth = recorded(faults)
+    return score_trial(trial), truth
 
 
 def test_an_end_point_inside_a_gap_is_refused_and_the_score_degraded():
     clean, truth = scored(FaultSettings())
     at_s = clean.endpoints[4].time_s  # on the time axis of the samples, which begin with the hand's
     # The link is away around one end point: the others stay.
-    gap, _ = scored(FaultSettings(at=(TimedFault("unplug", at_s=at_s - 0.3, for_s=0.6),)))
+    trial, _ = recorded(FaultSettings(at=(TimedFault("unplug", at_s=at_s - 0.3, for_s=0.6),)))
+    gap = score_trial(trial)
     times = np.array([point.time_s for point in gap.endpoints])
     assert np.abs(times - at_s).min() > 1.0
-    assert any("inside a gap" in item.reason for item in gap.cycles.left_out)
+    assert any("inside a gap" in item.reason for item in find_cycles(trial.series).left_out)
     quality = gap.to_json()["quality"]
     assert quality["degraded"]
     assert any("samples are missing" in warning for warning in gap.warnings)
@@ -120,7 +127,7 @@ def test_a_cycle_with_a_gap_is_named():
     assert score.valid
     (cycle,) = result["quality"]["cycles_with_gaps"]
     missing = result["missing_per_cycle"]
-    assert missing[cycle - 1] == sum(missing) == score.losses["missing"] > 0
+    assert missing[cycle - 1] == sum(missing) == score.losses.missing > 0
     assert score.endpoints[cycle - 1].time_s < at_s < score.endpoints[cycle].time_s
     assert not result["quality"]["degraded"]
 
@@ -138,6 +145,6 @@ def test_a_good_trial_is_not_degraded():
 def test_repeated_and_late_samples_change_nothing_in_the_score():
     clean, _ = scored(FaultSettings())
     messy, _ = scored(FaultSettings(duplicate_probability=0.05, reorder_probability=0.05))
-    assert messy.losses["duplicates"] > 50
-    assert messy.losses["missing"] == 0
+    assert messy.losses.duplicates > 50
+    assert messy.losses.missing == 0
     assert messy.theta_bar_deg == pytest.approx(clean.theta_bar_deg, abs=1e-12)

@@ -8,7 +8,7 @@ import pytest
 
 from emulator.faults.definitions import FaultSettings, TimedFault
 from host.recording.load import assemble
-from host.results.result import losses_per_cycle
+from host.results.parts import losses_per_cycle
 from tests.recorded_trials import scenario
 from tests.wire_oracle import watched_trial
 

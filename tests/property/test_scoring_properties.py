@@ -42,4 +42,4 @@ def test_frames_and_signs_change_nothing(seed, shape, drift_deg):
     assert first.valid
     assert second.valid
     assert abs(first.theta_bar_deg - second.theta_bar_deg) < 1e-8
-    np.testing.assert_allclose(rotations.rotate(turn, first.drift.axis), second.drift.axis, atol=1e-6)
+    np.testing.assert_allclose(rotations.rotate(turn, np.array(first.axis)), second.axis, atol=1e-6)

@@ -55,8 +55,8 @@ def test_theta_bar_at_the_authors_end_points(name):
 def test_published_figures_without_stale_rows(name):
     truth = truth_of(name)
     score = score_series(read_series(path_of(name)), endpoints=truth["endpoints_row"], as_published=True)
-    published = score.published
-    assert published.as_published_deg == pytest.approx(truth["euler_drift_as_published_deg"], abs=6e-5)
+    published = score.as_published
+    assert published.euler_drift_as_published_deg == pytest.approx(truth["euler_drift_as_published_deg"], abs=6e-5)
     assert published.stale_rows == 0
 
 
@@ -64,8 +64,8 @@ def test_the_published_figure_with_stale_rows_needs_recordings_that_are_not_here
     # 0.115 against 0.2532: rows of an earlier motion were averaged in. No shared recording leaves these rows behind.
     truth = truth_of("T42_cylinder_z_1")
     series = read_series(path_of("T42_cylinder_z_1"))
-    alone = score_series(series, endpoints=truth["endpoints_row"], as_published=True).published
-    assert alone.as_published_deg == alone.mended_deg == pytest.approx(0.2532, abs=6e-5)
+    alone = score_series(series, endpoints=truth["endpoints_row"], as_published=True).as_published
+    assert alone.euler_drift_as_published_deg == alone.euler_drift_deg == pytest.approx(0.2532, abs=6e-5)
     assert truth["euler_drift_as_published_deg"] == 0.115
 
 
@@ -75,8 +75,8 @@ def test_automatic_scores_are_valid_and_complete(name):
     assert score.valid, score.reasons
     assert score.period_s == pytest.approx(truth_of(name)["period_s"], rel=0.02)
     assert score.interval_deg is not None
-    assert score.other.drift is not None
-    assert score.translation_drift_mm > 0.0
+    assert score.other_extreme.theta_bar_deg is not None
+    assert score.companions.translation_drift_mm > 0.0
     json.dumps(score.to_json(), allow_nan=False)
 
 

@@ -164,6 +164,19 @@ def test_file_round_trip(tmp_path):
         save_baseline(baseline, tmp_path / "b.toml")
 
 
+def whole(**changed):
+    """Return a baseline file with some values replaced."""
+    triples = dict.fromkeys(("rate_deg_per_min", "rate_error_deg_per_min"), "[0.1, 0.2, 0.3]")
+    amounts = dict.fromkeys(("noise_deg", "walk_deg_per_sqrt_s", "duration_s"), "1.5") | {"n_samples": "100"}
+    lists = {"allan_tau_s": "[]", "allan_deg_per_min": "[]"}
+    return "".join(f"{key} = {value}\n" for key, value in ({"format": 1} | triples | amounts | lists | changed).items())
+
+
+def test_a_baseline_file_of_before_is_read(tmp_path):
+    (tmp_path / "b.toml").write_text(whole())  # without source, notes and temperature
+    assert load_baseline(tmp_path / "b.toml").n_samples == 100
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -172,12 +185,16 @@ def test_file_round_trip(tmp_path):
         ("format = [", "not a baseline file"),
         ("format = 1", "allan_tau_s"),
         ("format = 1\nallan_tau_s = []\nallan_deg_per_min = []\nrate_deg_per_min = [1, 2]", "rate_deg_per_min"),
-        ("format = 1\nallan_tau_s = []\nallan_deg_per_min = []\nrate_deg_per_min = [1, 2, inf]", "no number"),
+        ("format = 1\nallan_tau_s = []\nallan_deg_per_min = []\nrate_deg_per_min = [1, 2, 'x']", "rate_deg_per_min"),
         (
             "format = 1\nallan_tau_s = []\nallan_deg_per_min = []\nrate_deg_per_min = [1, 2, 3]\n"
             "rate_error_deg_per_min = [1, 2, 3]\nnoise_deg = 'x'",
             "noise_deg",
         ),
+        (whole(rate_deg_per_min="[1, 2, inf]"), "a number that is negative or not finite"),
+        (whole(noise_deg="-0.1"), "a number that is negative or not finite"),
+        (whole(walk_deg_per_sqrt_s="true"), "walk_deg_per_sqrt_s"),
+        (whole(allan_tau_s="[1.0]"), "shorter"),
     ],
 )
 def test_files_that_are_no_baseline(tmp_path, text, message):

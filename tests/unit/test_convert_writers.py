@@ -35,7 +35,7 @@ def assert_same(read, series, *, atol_s=1e-8, positions=True):
 @pytest.mark.parametrize("kind", ["csv", "tum", "parquet", "ros2", "kit"])
 def test_our_readers_read_it_back(trial, tmp_path, kind):
     series, result = trial
-    assert write_series(series, tmp_path / "out", kind, result) == ()
+    assert write_series(series, tmp_path / "out", kind, result.to_json()) == ()
     assert_same(read_series(tmp_path / "out"), series)
 
 
@@ -59,12 +59,12 @@ def test_matlab_files_hold_samples_end_points_and_score(trial, tmp_path):
     from scipy.io import loadmat
 
     series, result = trial
-    write_series(series, tmp_path / "out.mat", "mat", result)
+    write_series(series, tmp_path / "out.mat", "mat", result.to_json())
     values = loadmat(tmp_path / "out.mat")
     np.testing.assert_array_equal(values["q_wxyz"], series.quats_wxyz)
     np.testing.assert_array_equal(values["t_s"][:, 0], series.times_s)
-    assert values["theta_bar_deg"][0, 0] == result["theta_bar_deg"]
-    assert values["endpoint_q_wxyz"].shape == (result["n_endpoints"], 4)
+    assert values["theta_bar_deg"][0, 0] == result.theta_bar_deg
+    assert values["endpoint_q_wxyz"].shape == (result.n_endpoints, 4)
 
 
 def test_nothing_is_overwritten_and_needs_are_said(trial, tmp_path):
@@ -100,7 +100,7 @@ def test_the_octave_script_agrees(tmp_path, drift_deg):
     if octave is None:
         pytest.skip("GNU Octave is not installed")
     series, result = scored(cycles=6, drift_deg=drift_deg, slip_deg=0.0, noise_deg=0.0)
-    write_series(series, tmp_path / "endpoints.csv", "endpoints", result)
+    write_series(series, tmp_path / "endpoints.csv", "endpoints", result.to_json())
     program = (
         f"addpath('{DOCS}'); [theta, steps, axis] = rotdrift_score('{tmp_path / 'endpoints.csv'}');"
         "printf('%.17g ', theta, steps, axis);"
@@ -111,7 +111,7 @@ def test_the_octave_script_agrees(tmp_path, drift_deg):
     assert done.returncode == 0, done.stderr
     assert "are these end points" not in done.stderr
     numbers = [float(word) for word in done.stdout.split()]
-    wanted = [result["theta_bar_deg"], *result["steps_deg"], *result["axis"]]
+    wanted = [result.theta_bar_deg, *result.steps_deg, *result.axis]
     np.testing.assert_allclose(numbers[:-3], wanted[:-3], rtol=0, atol=1e-9)
     if drift_deg > 0.1:
         np.testing.assert_allclose(numbers[-3:], wanted[-3:], atol=1e-9)

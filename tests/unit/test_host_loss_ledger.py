@@ -4,10 +4,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from analysis.scoring.recorded_parts import CycleLosses, Quality
 from firmware_protocol.packets import Status
 from host.losses.ledger import LossLedger, LossReport
 from host.losses.runs import MissingTotals, missing_between
-from host.losses.verdict import LossVerdict, judge_losses
+from host.losses.verdict import judge_losses
 from host.stream.numbers import SequenceUnwrapper
 
 
@@ -191,15 +192,23 @@ def test_a_known_start_anchors_the_first_number():
     assert unwrapper.feed(np.array([3, 4], dtype=np.uint16), np.array([0, 1])).tolist() == [131_075, 131_076]
 
 
+def cycles(*missing):
+    """Return the accounts of cycles of 100 samples that miss so many."""
+    return tuple(
+        CycleLosses(produced=100, missing=n, rejected=0, dropped_by_device=0, received=100 - n, lost=n) for n in missing
+    )
+
+
 def test_what_makes_a_score_degraded():
     good = LossReport(produced=10_000, received=9_950, lost=50)
-    assert judge_losses(good, [0, 4, 6, 0], [100, 100, 100, 100]) == LossVerdict(False, (), (3,))
+    verdict = judge_losses(good, cycles(0, 4, 6, 0))
+    assert (verdict.degraded, verdict.reasons, verdict.cycles_with_gaps) == (False, (), (3,))
     bad = LossReport(produced=10_000, received=9_850, lost=100, rejected=20, dropped=30)
-    verdict = judge_losses(bad, [10, 10, 0, 0], [100, 100, 100, 100])
+    verdict = judge_losses(bad, cycles(10, 10, 0, 0))
     assert verdict.degraded
     assert "1.5 % of the samples are missing (100 lost on the link, 20 damaged, 30 dropped" in verdict.reasons[0]
     assert "2 of 4 cycles miss more than 5 % of their samples (cycle 1, 2)" in verdict.reasons[1]
-    assert judge_losses(LossReport(), [], []) == LossVerdict(False, (), ())
+    assert judge_losses(LossReport(), ()) == Quality(False, (), (), (0.01, 0.05, 0.25))
 
 
 @given(st.data())

@@ -11,7 +11,7 @@ from analysis.cycles.settings import Endpoint
 from analysis.geometry import averages, rotations
 from analysis.scoring.card import rotation_drift
 from analysis.scoring.interval import drift_interval, steps_needed
-from analysis.scoring.score_parts import ExcludedCycle
+from analysis.scoring.result_parts import ExcludedCycle
 from analysis.series import SeriesError
 from host.capture.operator_desk import OperatorDesk
 from host.screen.dashboard.picture import View

@@ -69,8 +69,8 @@ def test_a_recording_with_round_trips_gives_the_offset_as_an_interval(tmp_path):
         writer.add_received(chunk)
     writer.close()
     clock = load_trial(tmp_path / "x.mcap").clock
-    low_ms, high_ms = clock["mapped_time_error_ms"]
-    assert clock["round_trips"] == 20
-    assert clock["offset_interval_ms"][0] <= clock["offset_ms"] + 1e-6
-    assert np.diff(clock["offset_interval_ms"]) == pytest.approx(high_ms - low_ms, abs=1e-4)
+    low_ms, high_ms = clock.mapped_time_error_ms
+    assert clock.round_trips == 20
+    assert clock.offset_interval_ms[0] <= clock.offset_ms + 1e-6
+    assert np.diff(clock.offset_interval_ms) == pytest.approx(high_ms - low_ms, abs=1e-4)
     assert 0 < high_ms - low_ms < 15.0

@@ -9,10 +9,10 @@ from emulator.faults.definitions import FaultSettings
 from firmware_protocol.can.frames import pack_frames
 from firmware_protocol.packets import Info, OrientationBatch
 from host.links.transport import Chunk, FrameChunk
-from host.recording.arrivals import SampleArrivals, clock_values
+from host.recording.arrivals import SampleArrivals, offline_clock
 from host.recording.assembly import TrialAssembly
 from host.recording.load import assemble
-from host.results.result import score_trial
+from host.results.result import ScoreOptions, score_trial
 from host.stream.decoding import Link
 from host.stream.samples import SampleAssembler
 from tests.can_traffic import object_at, sample_packets, timed
@@ -83,7 +83,7 @@ def test_damage_misplaces_nothing():
 def test_the_result_tells_the_skew_and_the_jitter():
     skewed = scenario("ideal", clock={"skew_ppm": 60.0, "wander_ppm": 0.0})
     chunks, _ = virtual_chunks(skewed, chunk_s=0.001)
-    clock = score_trial(assemble(chunks, "x")).to_json()["clock"]
+    clock = score_trial(assemble(chunks, "x"), ScoreOptions(clock=True)).to_json()["clock"]
     assert clock["skew_ppm"] == pytest.approx(60.0, abs=20.0)  # 50 s at 1 ms steps tell no more
     assert 0 <= clock["jitter_p50_ms"] <= clock["jitter_p99_ms"] < 1.5
     assert clock["steps"] == []
@@ -95,9 +95,9 @@ def test_resets_reopened_links_and_steps_are_segments():
     for name, segments, steps in (("reset", 2, 0), ("unplugged", 3, 0), ("troubled", 2, 1)):
         chunks, _ = faulty_chunks(scenario(name))
         clock = assemble(chunks, name).clock
-        assert len(clock["segments"]) == segments, name
-        assert len(clock["steps"]) == steps, name
-    assert clock["steps"][0]["by_s"] == pytest.approx(30.0, abs=0.3)
+        assert len(clock.segments) == segments, name
+        assert len(clock.steps) == steps, name
+    assert clock.steps[0].by_s == pytest.approx(30.0, abs=0.3)
 
 
 def test_a_long_recording_is_thinned_and_says_the_same(monkeypatch):
@@ -105,14 +105,14 @@ def test_a_long_recording_is_thinned_and_says_the_same(monkeypatch):
     whole = assemble(chunks, "x").clock
     monkeypatch.setattr("host.recording.arrivals.MAX_CHUNKS", 1500)
     thinned = assemble(chunks, "x").clock
-    assert thinned["arrivals"] < 0.5 * whole["arrivals"]
-    assert thinned["skew_ppm"] == pytest.approx(whole["skew_ppm"], abs=15.0)
+    assert thinned.arrivals < 0.5 * whole.arrivals
+    assert thinned.skew_ppm == pytest.approx(whole.skew_ppm, abs=15.0)
 
 
 def test_nothing_is_nothing():
     assembler = SampleAssembler()
     arrivals = SampleArrivals(assembler)
     assert arrivals.remapped() is None
-    assert clock_values(None, 0) is None
+    assert offline_clock(None, 0) is None
     assembler.feed([Info(device_id=1, boot_id=2)], 5)
     assert arrivals.remapped() is None

@@ -2,14 +2,18 @@
 
 import numpy as np
 import pytest
+from msgspec import structs
 
+from analysis.scoring.recorded_parts import CaptureAccount
+from analysis.scoring.result import result_text
 from host.capture.operator_desk import OperatorDesk
 from host.capture.playback import play
 from host.capture.snapshot import Snapshots
 from host.links.transport import Chunk
 from host.recording.load import assemble
 from host.recording.replay_link import ReplayTransport
-from host.results.result import losses_per_cycle, result_text, score_trial
+from host.results.parts import losses_per_cycle
+from host.results.result import score_trial
 from host.screen.screens import QuietScreen
 from host.stop_signals import StopSignals
 from host.stream.decoding import Link
@@ -98,7 +102,16 @@ def test_a_replay_goes_through_the_same_path(default, tmp_path):
 def test_the_score_of_a_recording_has_where_it_came_from(default):
     chunks, truth = default
     trial = assemble(chunks, "a.mcap")
-    score = score_trial(trial, capture={"ended": "8 cycles are done"})
+    capture = CaptureAccount(
+        recording="a.mcap",
+        ended="8 cycles are done",
+        error=None,
+        warnings=(),
+        elapsed_s=40.0,
+        clock=None,
+        live_theta_bar_deg=None,
+    )
+    score = score_trial(trial, capture=capture)
     result = score.to_json()
     assert result["valid"]
     low, high = result["interval_deg"]
@@ -107,7 +120,8 @@ def test_the_score_of_a_recording_has_where_it_came_from(default):
     assert result["object"]["card"]["shape"] == "cube"
     assert result["losses"]["received"] == len(trial.series)
     assert result["missing_per_cycle"] == [0] * (result["n_endpoints"] - 1)
-    assert result["capture"] == {"ended": "8 cycles are done"}
+    assert score.capture == capture
+    assert result["capture"]["ended"] == "8 cycles are done"
     assert "NaN" not in result_text(score)
 
 
@@ -133,7 +147,7 @@ def test_each_cycle_has_an_account():
     cut = assemble([chunk for number, chunk in enumerate(chunks) if not 90 <= number < 110], "x")
     before, after = losses_per_cycle(cut, [0.5, 1.0, 2.0])
     assert before.missing + after.missing == cut.losses.missing == 20
-    assert before.to_json() == {
+    assert structs.asdict(before) == {
         "produced": before.missing + 39,
         "missing": before.missing,
         "rejected": 0,
@@ -141,7 +155,7 @@ def test_each_cycle_has_an_account():
         "received": 39,
         "lost": before.missing,
     }
-    assert losses_per_cycle(cut, [0.5]) == []
+    assert losses_per_cycle(cut, [0.5]) == ()
 
 
 def test_an_object_that_was_reset_is_scored_with_a_warning(default):

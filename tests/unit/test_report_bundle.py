@@ -11,8 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.reporting.errors import BundleError
-from host.submission.bundle import MANIFEST, BundleLimits, bundle_bytes, check_manifest, manifest_text, read_bundle
+from host.submission.bundle import (
+    MANIFEST,
+    BundleError,
+    BundleLimits,
+    bundle_bytes,
+    check_manifest,
+    manifest_text,
+    read_bundle,
+)
 
 FILES = {"submission.json": b"{}\n", "trials/a/steps.csv": b"1,2\n" * 50, "trials/a/raw/x.mcap": bytes(range(256)) * 9}
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from analysis.reporting import style as look
-from analysis.reporting.comparison import ComparedSource, compare, difference_text, forest_figure
-from analysis.reporting.errors import ComparisonError
+from analysis.reporting.comparison import ComparedSource, ComparisonError, compare, difference_text, forest_figure
 from analysis.reporting.site import comparison_html, site_files
 from analysis.reporting.tables import TrialFigure, pool, summary_csv, summary_latex, summary_markdown
+from analysis.scoring.result import result_text
 from host.cli import main
 from host.submission.bundle import bundle_bytes
 
@@ -29,16 +29,21 @@ def source(name, *trials, rules=RULES, note=""):
 def test_the_interval_of_repeats_is_the_t_interval_of_their_mean():
     (row,) = pool([trial("A", theta, (0.0, 9.0)) for theta in (1.0, 2.0, 3.0)])
     half = 4.302652729911275 * 1.0 / 3**0.5  # Student's t, 2 degrees of freedom, from tables
-    assert row.mean_deg == pytest.approx(2.0)
+    assert row.theta_bar_mean_deg == pytest.approx(2.0)
     assert row.interval_deg == pytest.approx((max(0.0, 2.0 - half), 2.0 + half))
-    assert (row.n_valid, row.min_deg, row.max_deg, row.interval_kind) == (3, 1.0, 3.0, "between trials")
+    assert (row.n_valid, row.theta_bar_min_deg, row.theta_bar_max_deg, row.interval_kind) == (
+        3,
+        1.0,
+        3.0,
+        "between trials",
+    )
 
 
 def test_trials_without_score_are_counted_and_not_averaged():
     (row,) = pool([trial("A", 1.0, (0.5, 1.5)), trial("A", None)])
-    assert (row.mean_deg, row.n_valid, row.n_trials, row.interval_deg) == (1.0, 1, 2, (0.5, 1.5))
+    assert (row.theta_bar_mean_deg, row.n_valid, row.n_trials, row.interval_deg) == (1.0, 1, 2, (0.5, 1.5))
     (row,) = pool([trial("A", None)])
-    assert (row.mean_deg, row.interval_kind) == (None, "none")
+    assert (row.theta_bar_mean_deg, row.interval_kind) == (None, "none")
 
 
 def test_only_differences_beyond_their_uncertainty_are_called_larger():
@@ -189,7 +194,7 @@ def bundles(tmp_path):
         series, result = scored(cycles=6, slip_deg=0.0, drift_deg=drift)
         built = build_submission([TrialSource("roll.csv", csv_text(series).encode(), cards)], drawings=False)
         (tmp_path / f"{hand}.zip").write_bytes(bundle_bytes(built.files))
-    (tmp_path / "result.json").write_text(json.dumps(result))
+    (tmp_path / "result.json").write_text(result_text(result))
     return tmp_path
 
 

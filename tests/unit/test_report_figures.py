@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 from scipy.spatial.transform import Rotation
 
 from analysis.reporting import style as look
 from analysis.reporting.clouds import MAX_CLOUD_POINTS, clouds_of, turn_about_axis
 from analysis.reporting.figure_set import CAPTIONS, draw_figures, make_figure
-from analysis.reporting.figures import _thinned, numbers_shown, summary_figure
+from analysis.reporting.figures import _thinned, numbers_shown, sensitivity, summary_figure
 from analysis.reporting.point_numbers import number_offsets
-from analysis.reporting.result_view import ResultView
 from analysis.reporting.wording import methods_text
 from analysis.scoring.trial import score_series
 from analysis.series import OrientationSeries
@@ -37,8 +37,8 @@ def spin(degrees_total, n=2001):
 
 def test_every_format_is_drawn_and_the_same_input_gives_the_same_bytes(trial):
     with look.style():
-        again = {name: make_figure(trial, name) for name in ("steps", "drift")}
-        once = {name: make_figure(trial, name) for name in ("steps", "drift")}
+        again = {name: make_figure(trial.series, trial.result, name) for name in ("steps", "drift")}
+        once = {name: make_figure(trial.series, trial.result, name) for name in ("steps", "drift")}
     for name, figure in again.items():
         for kind, signature in SIGNATURES.items():
             content = look.figure_bytes(figure, kind)
@@ -67,21 +67,21 @@ def test_a_trial_without_positions_has_all_figures_but_translation_and_no_settin
 
 def test_one_page_of_a_trial_and_without_a_score_the_motion_alone():
     series = simulate(cycles=6).series
-    result = dict(score_series(series).to_json())
+    result = score_series(series)
     with look.style():
         assert len(summary_figure(series, result, "a trial").axes) == 3
-        alone = summary_figure(series, {**result, "theta_bar_deg": None, "valid": False}, "no score\nthe reason")
+        alone = summary_figure(series, structs.replace(result, theta_bar_deg=None, valid=False), "no score\nthe reason")
     assert [axes.get_ylabel() for axes in alone.axes] == ["rotation about the\nmotion axis (°)"]
     assert alone.get_suptitle() == "no score\nthe reason"
 
 
 def test_the_end_points_of_every_body_axis_are_numbered(trial):
     with look.style():
-        figure = make_figure(trial, "sphere")
+        figure = make_figure(trial.series, trial.result, "sphere")
     panels = [ax for ax in figure.axes if ax.get_title().startswith("object ")]
     assert [ax.get_title() for ax in panels] == ["object x", "object y", "object z"]
     for number, ax in enumerate(panels):
-        assert {"1", str(trial.view.n_endpoints)} <= {text.get_text() for text in ax.texts}
+        assert {"1", str(trial.result.n_endpoints)} <= {text.get_text() for text in ax.texts}
         # Degrees on the sphere: as far apart as the axis turned from the first to the last end point.
         points = clouds_of(trial.series, trial.result).endpoint_axes[number]
         turned = np.degrees(np.arccos(np.clip(points[0] @ points[-1], -1.0, 1.0)))
@@ -107,8 +107,7 @@ def test_positions_make_a_translation_cloud_in_mm(trial):
 
 def test_rotation_vectors_are_continuous_beyond_half_a_turn():
     series = spin(300.0)
-    result = {"endpoints": [{"time_s": 50.0, "quat_wxyz": [1.0, 0.0, 0.0, 0.0]}]}
-    clouds = clouds_of(series, result)
+    clouds = clouds_of(series, score_series(series, endpoints=[0]))
     np.testing.assert_allclose(clouds.rotvecs_deg[:, 2], np.linspace(0, 300, 2001), atol=1e-6)
     np.testing.assert_allclose(clouds.rotvecs_deg[:, :2], 0, atol=1e-9)
 
@@ -137,7 +136,7 @@ def test_turning_is_not_limited_to_half_a_turn():
 def test_large_clouds_are_thinned_but_lines_keep_their_peaks():
     n = 20_000
     series = OrientationSeries(np.arange(n) / 100, np.tile([1.0, 0, 0, 0], (n, 1)), np.arange(n))
-    assert len(clouds_of(series, {"endpoints": []}).times_s) <= MAX_CLOUD_POINTS
+    assert len(clouds_of(series, score_series(series)).times_s) <= MAX_CLOUD_POINTS
     values = np.zeros(n)
     values[12_345], values[777] = 5.0, -7.0
     _, kept = _thinned(series.times_s, values, 1000)
@@ -157,11 +156,12 @@ def test_numbers_always_name_the_first_and_the_last(n, most):
 
 def test_a_result_without_a_score_is_drawn_without_inventing_one():
     series, _ = scored(cycles=6)
-    result = {"valid": False, "theta_bar_deg": None, "endpoints": [], "steps_deg": [], "reasons": ["static"]}
+    result = score_series(series, endpoints=[])
+    assert not result.valid
     trial = trial_report(cycles=6)
     empty = replace(trial, series=series, result=result)
     assert {figure.name for figure in draw_figures(empty, ("png",))} == {"rotation_cloud", "sphere", "rotation", "link"}
-    assert ResultView.of(result).sensitivity() == []
+    assert sensitivity(result) == []
 
 
 @given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), max_size=25), st.sampled_from((1e-3, 1.0, 20.0, 100.0)))
@@ -185,7 +185,7 @@ def test_numbers_cover_no_point_and_no_other_number(points, spread):
 
 def test_without_time_stamps_nothing_is_said_of_missing_samples(trial):
     unmeasured = replace(trial, series=replace(trial.series, times_measured=False))
-    assert make_figure(unmeasured, "link") is None
+    assert make_figure(unmeasured.series, unmeasured.result, "link") is None
     assert "no time stamps" in methods_text(unmeasured)
     assert "no time stamps" not in methods_text(trial)
 

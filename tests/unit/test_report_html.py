@@ -8,13 +8,14 @@ import re
 from dataclasses import replace
 
 import pytest
+from msgspec import structs
 
 from analysis.reporting.figure_set import draw_figures
 from analysis.reporting.html import report_html
 from analysis.reporting.interactive import BUNDLE, plotly_base64
 from analysis.reporting.pdf import report_pdf
 from analysis.reporting.wording import cycle_rows, methods_text
-from analysis.scoring.score_parts import ExcludedCycle
+from analysis.scoring.result_parts import ExcludedCycle
 from analysis.scoring.trial import score_series
 from tests.scored_trials import scored, trial_report
 
@@ -78,7 +79,7 @@ def test_foreign_text_is_text_and_never_markup(page):
 
 
 def test_the_score_comes_first_and_trust_before_the_figures(page, trials):
-    value = f"θ̄ = {trials[0].view.theta_bar_deg:.3f}°"
+    value = f"θ̄ = {trials[0].result.theta_bar_deg:.3f}°"
     order = [
         page.index(word) for word in (value, "How far to trust it", "Recorded point clouds", "Methods", "Provenance")
     ]
@@ -97,7 +98,7 @@ def test_the_scenes_hold_the_end_points(page, trials):
         "Object axes on the sphere",
     ]
     points = scenes[0]["data"][-1]
-    assert points["text"] == [str(k + 1) for k in range(trials[0].view.n_endpoints)]
+    assert points["text"] == [str(k + 1) for k in range(trials[0].result.n_endpoints)]
     assert points["x"][0] == points["y"][0] == points["z"][0] == 0.0
 
 
@@ -119,13 +120,9 @@ def test_reports_are_the_same_every_time(page, trials, drawn):
 def test_a_trial_without_score_claims_none(trials, drawn):
     refused = replace(
         trials[0],
-        result={
-            **trials[0].result,
-            "valid": False,
-            "theta_bar_deg": None,
-            "reasons": ["nothing moves"],
-            "steps_deg": [],
-        },
+        result=structs.replace(
+            trials[0].result, valid=False, theta_bar_deg=None, reasons=("nothing moves",), steps_deg=()
+        ),
     )
     page = report_html([refused], title="x", version="0", drawn=drawn)
     assert "No score is claimed" in page
@@ -140,7 +137,7 @@ def test_cycles_left_out_by_a_person_are_said_with_the_reason(trials):
     score = score_series(series)
     found = [point.time_s for point in score.endpoints]
     left_out = score_series(series, excluded=[ExcludedCycle(found[3], found[4], "slipped <b>hard</b>")])
-    report = replace(trials[0], series=series, result=json.loads(json.dumps(left_out.to_json())))
+    report = replace(trials[0], series=series, result=left_out)
     said = "The operator left out cycle 4 (slipped <b>hard</b>)"
     assert said in methods_text(report)
     assert [row[0] for row in cycle_rows(report) if "left out by the operator: slipped" in row[-1]] == ["5"]

@@ -11,12 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 from pypdf import PdfReader
 
 from analysis.reporting import wording
 from analysis.reporting.figure_set import CAPTIONS, NamedFigure, draw_figures
 from analysis.reporting.pdf import Pages, report_pdf
 from analysis.reporting.trial_report import CardRow, CardTable
+from analysis.scoring.summary import interval_text, trust_rows
 from tests.scored_trials import trial_report
 
 HOSTILE = "{nb} **bold** \0{nb}\0 \x1b[31mred 漢 <b> --x-- __y__"
@@ -52,11 +54,11 @@ def test_every_text_and_number_of_the_report_is_printed(trial, figures):
     whole = squeezed("".join(texts(pdf([trial], figures))))
     expected = [
         trial.title,
-        f"θ̄ = {trial.view.theta_bar_deg:.3f}° per cycle",
-        f"95 % interval {wording.interval_text(trial)}°; {trial.view.n_endpoints} end points",
+        f"θ̄ = {trial.result.theta_bar_deg:.3f}° per cycle",
+        f"95 % interval {interval_text(trial.result)}°; {trial.result.n_endpoints} end points",
         wording.ABOUT,
         wording.methods_text(trial),
-        *(cell for row in wording.trust_rows(trial) for cell in row),
+        *(cell for row in trust_rows(trial.result) for cell in row),
         *(cell for row in wording.cycle_rows(trial) for cell in row),
         *(cell for row in trial.provenance for cell in row),
         *(text for card in trial.cards for row in card.rows for text in (row.label, row.value or "not given")),
@@ -133,7 +135,9 @@ def test_foreign_text_is_text(trial, figures):
 
 
 def test_a_trial_without_score_says_why(trial, figures):
-    result = {**trial.result, "valid": False, "theta_bar_deg": None, "reasons": ["nothing moves"], "warnings": ["odd"]}
+    result = structs.replace(
+        trial.result, valid=False, theta_bar_deg=None, reasons=("nothing moves",), warnings=("odd",)
+    )
     (first, *_) = texts(pdf([replace(trial, result=result, missing=("object.mass_g",))], figures))
     assert "No score is claimed. – nothing moves ! odd" in first
     assert "object.mass_g" in first
@@ -157,6 +161,7 @@ SCRIPT = """
 import sys
 from analysis.reporting.figure_set import NamedFigure
 from analysis.reporting.pdf import report_pdf
+from analysis.scoring.summary import interval_text, trust_rows
 from tests.scored_trials import trial_report
 trial = trial_report(cycles=5, slip_deg=0.0)
 figures = (NamedFigure("a", "caption", {"png": open(sys.argv[1], "rb").read()}),)

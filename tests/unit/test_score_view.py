@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import io
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from rich.cells import cell_len
 from rich.console import Console
 
 from analysis.scoring.choice import EndpointChoice
+from analysis.scoring.result_parts import LeftOutPoint
 from analysis.scoring.trial import score_series
 from analysis.sensor.baseline import StaticBaseline
 from analysis.series import OrientationSeries
@@ -61,8 +62,8 @@ def test_every_companion_is_shown(score):
         f"slope {found.slope_deg_per_cycle:.3f}° per cycle",
         f"the first end point {found.without_first_deg:.3f}°, the last {found.without_last_deg:.3f}°",
         "any one step {:.3f}° to {:.3f}°".format(*found.leave_one_out_deg),
-        f"the other extreme {score.other.drift.theta_bar_deg:.3f}°",
-        f"any phase {score.phase.theta_bar_deg.min():.3f}° to {score.phase.theta_bar_deg.max():.3f}°",
+        f"the other extreme {score.other_extreme.theta_bar_deg:.3f}°",
+        f"any phase {found.over_phase_deg.min:.3f}° to {found.over_phase_deg.max:.3f}°",
         f"{found.axis_share:.0%} of the stepping is along it",
         "translation drift 0.400 mm per cycle",
         "a 6-axis IMU would add",
@@ -86,16 +87,16 @@ def test_below_the_floor_stands_beside_the_number():
     series = simulate(cycles=9, drift_deg=0.02).series
     walk = StaticBaseline((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), 0.01, 0.0, 120.0, 12000)
     score = score_series(series, baseline=walk)
-    assert shown(score).splitlines()[1] == "below the sensor's floor: it cannot be told from no drift at all"
+    assert shown(score).splitlines()[1] == "below the sensor's floor: it cannot be distinguished from no drift at all"
     assert "a resting object would score less in 95 of 100" in " ".join(shown(score, 400).split())
     out = io.StringIO()
-    print_batch([BatchRow(Path("a.csv"), dict(score.to_json()), None, 0)], Console(file=out, width=80))
+    print_batch([BatchRow(Path("a.csv"), score, None, 0)], Console(file=out, width=80))
     assert f"below floor {score.theta_bar_deg:.3f}°" in out.getvalue()
 
 
 def test_the_window_says_who_chose_it_and_what_was_left_out():
     found = score_series(simulate(cycles=9, lead_s=1.0).series)
-    left_out = tuple((100.0 * k, f"last cycle: reason {k}") for k in range(6))
+    left_out = tuple(LeftOutPoint(100.0 * k, f"last cycle: reason {k}") for k in range(6))
     text = " ".join(shown(replace(found, window=replace(found.window, left_out=left_out)), 400).split())
     first, last = found.endpoints[0].time_s, found.endpoints[-1].time_s
     assert f"window automatic, {first:.2f} s to {last:.2f} s; left out: 0.00 s, last cycle: reason 0; 100.00 s" in text
@@ -103,7 +104,7 @@ def test_the_window_says_who_chose_it_and_what_was_left_out():
     chosen = score_series(simulate(cycles=9, lead_s=1.0).series, window=(8.0, 30.0))
     text = " ".join(shown(chosen, 400).split())
     assert "window as given, 8.00 s to 30.00 s" in text
-    assert f"automatic θ̄ {chosen.automatic.theta_bar_deg:.3f}°" in text
+    assert f"automatic θ̄ {chosen.window.automatic.theta_bar_deg:.3f}°" in text
     picked = score_series(simulate(cycles=9, lead_s=1.0).series, endpoints=[300, 700, 1100, 1500])
     assert "window end points as given, 3.00 s to 15.00 s" in " ".join(shown(picked, 400).split())
 
@@ -126,7 +127,7 @@ def test_text_of_files_is_never_markup():
 @pytest.mark.parametrize(("width", "terminal"), [(80, True), (120, True), (80, False)])
 def test_the_table_keeps_names_whole(score, width, terminal):
     rows = [
-        BatchRow(Path("/data/NDX_A/NDX_A_rigid_cylinder_roll_1.csv"), dict(score.to_json()), None, 0),
+        BatchRow(Path("/data/NDX_A/NDX_A_rigid_cylinder_roll_1.csv"), score, None, 0),
         BatchRow(Path("/data/T42/bad.csv"), None, "line 3: 'x' is not a number", 4),
     ]
     out = io.StringIO()

@@ -19,14 +19,14 @@ def test_rows_and_times_on_the_command_line():
     [
         ("", "no end points given"),
         (",,", "no end points given"),
-        ("nothing.csv", "is no file of end points and no list"),
-        ("1,two,3", "is no file of end points and no list"),
+        ("nothing.csv", "is neither a file of end points nor a list"),
+        ("1,two,3", "is neither a file of end points nor a list"),
         ("1,2.5s", "either rows"),
-        ("5,4", "number 2 .*does not; mend the order"),
+        ("5,4", "number 2 .*does not; put them in order"),
         ("5,5", "must increase"),
-        ("nan,1", "which is no index"),
-        ("1e999,1", "which is no index"),
-        ("\x1b[31m,1", r"'\?\[31m,1' is no file"),
+        ("nan,1", "which is not a valid index"),
+        ("1e999,1", "which is not a valid index"),
+        ("\x1b[31m,1", r"'\?\[31m,1' is neither a file"),
     ],
 )
 def test_command_line_that_is_neither(text, message):
@@ -68,7 +68,7 @@ def test_csv_kinds(tmp_path, kind):
         ("row,time_s\n1,2\n", "needs a header with one of"),
         ("row\n1\nx\n", "line 3: 'x' is not a number in column row"),
         ("reason,row\nonly\n", "line 2: '' is not a number"),
-        ("row\n1.5\n", "which is no row"),
+        ("row\n1.5\n", "which is not a valid row"),
         ('row\n"' + "9" * 200_000 + '"\n', "not a CSV"),
     ],
 )

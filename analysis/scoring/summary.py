@@ -1,0 +1,103 @@
+"""A result in a few lines of text: θ̄ with its interval, and what stands beside it. For reports and for notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from analysis.scoring.result import Result
+from analysis.scoring.result_parts import Diagnostics, SensorShare
+from analysis.series import FloatArray
+
+_LEFT = "style='text-align:left'"
+
+
+def degrees(value: float | None, digits: int = 3) -> str:
+    """Return a number of degrees as text; an em dash where there is none."""
+    return "—" if value is None else f"{value:.{digits}f}"
+
+
+def vector_text(parts: Sequence[float] | FloatArray, digits: int = 2) -> str:
+    """Return a vector as text, with signs, and with minus signs that are not hyphens.
+
+    Parameters
+    ----------
+    parts : (3,) floats
+        No unit.
+    digits : int, optional
+        After the point.
+    """
+    return "(" + ", ".join(f"{part:+.{digits}f}" for part in parts).replace("-", "−") + ")"
+
+
+def interval_text(result: Result) -> str:
+    """Return the interval of θ̄ as ``low … high``; empty where there is none."""
+    ends = result.interval_deg
+    return "" if ends is None else f"{ends[0]:.3f} … {ends[1]:.3f}"
+
+
+def trust_rows(result: Result) -> list[tuple[str, str, str]]:
+    """Return what stands beside θ̄, a row each: name, value with unit, what it means; empty without a valid score."""
+    companions = result.companions
+    if not result.valid or companions is None:
+        return []
+    other = result.other_extreme
+    rows = [
+        ("mean step", degrees(companions.mean_step_deg) + "°", "mean angle of single steps; far above θ̄: scatter"),
+        ("dispersion", degrees(companions.dispersion_deg) + "°", "scatter of the steps about their average"),
+        (
+            "without first / last end point",
+            f"{degrees(companions.without_first_deg)}° / {degrees(companions.without_last_deg)}°",
+            "θ̄ rests on these two, to first order",
+        ),
+        (
+            "other extreme",
+            degrees(None if other is None else other.theta_bar_deg) + "°",
+            "the same cycles at the other turning point",
+        ),
+        (
+            "drift axis",
+            "—" if result.axis is None else vector_text(result.axis, 3),
+            "axis of the average step, world frame",
+        ),
+        (
+            "share along that axis",
+            f"{100 * companions.axis_share:.0f} %",
+            "100 %: a steady creep; a third or less: no common direction",
+        ),
+        ("net rotation", degrees(companions.net_rotation_deg, 2) + "°", "first to last end point"),
+    ]
+    return [*rows, *_translation_rows(companions), *_sensor_rows(result.sensor)]
+
+
+def _translation_rows(companions: Diagnostics) -> list[tuple[str, str, str]]:
+    drift_mm = companions.translation_drift_mm
+    if drift_mm is None:
+        return []
+    return [("translation drift", f"{drift_mm:.3f} mm per cycle", "mean displacement, as the authors' scripts")]
+
+
+def _sensor_rows(sensor: SensorShare | None) -> list[tuple[str, str, str]]:
+    if sensor is None:
+        return []
+    share = f"{degrees(sensor.per_cycle_deg)}° per cycle" if sensor.per_cycle_deg else "unknown"
+    rows = [("sensor's own share", share, sensor.note)]
+    if sensor.detectable_deg is not None:
+        rows.append(("floor", degrees(sensor.detectable_deg) + "°", "what a resting object would score at most (95 %)"))
+    return rows
+
+
+def result_html(result: Result) -> str:
+    """Return a result as an HTML table for notebooks: the number first, then how far to trust it."""
+    if result.valid:
+        ends = interval_text(result)
+        head = f"θ̄ = {degrees(result.theta_bar_deg)}° per cycle" + (f" ({ends})" if ends else "")
+    else:
+        head = "no score: " + "; ".join(result.reasons)
+    rows = [("end points", str(result.n_endpoints), ""), *trust_rows(result)]
+    cells = "".join(
+        f"<tr><th {_LEFT}>{escape(label)}</th><td>{escape(value)}</td><td {_LEFT}>{escape(why)}</td></tr>"
+        for label, value, why in rows
+    )
+    warnings = "".join(f"<li>{escape(warning)}</li>" for warning in result.warnings)
+    return f"<b>{escape(head)}</b><table>{cells}</table>" + (f"<ul>{warnings}</ul>" if warnings else "")
