@@ -26,9 +26,6 @@ from host.losses.runs import missing_between
 from host.recording.load import RecordedTrial
 from host.text import plain
 
-JUDGED_BY_THE_LEDGER = frozenset({"duplicates", "reordered", "samples_lost", "sequence_gaps", "sequence_restarts"})
-"""Counters of a decoder that the loss ledger keeps better: :class:`Losses` has them."""
-
 
 def losses_of(report: LossReport) -> Losses:
     """Return the account of all samples."""
@@ -83,7 +80,7 @@ def losses_per_cycle(trial: RecordedTrial, endpoint_times_s: Sequence[float]) ->
 def link_of(trial: RecordedTrial) -> LinkAccount:
     """Return the link with every counter of its decoder; one that the result has no place for is an error."""
     found = trial.counters
-    names = {item.name for item in fields(found)} - JUDGED_BY_THE_LEDGER - {"packets"}
+    names = {item.name for item in fields(found)} - {"packets"}
     counters: dict[str, object] = {name: int(getattr(found, name)) for name in names}
     counters["packets"] = {kind.name.lower(): n for kind, n in found.packets.items()}
     about = {
