@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tests.command_line import quick_scenario, rotdrift, wait_for
+from tests.command_line import quick_scenario, rotdrift
 
 pytest.importorskip("pexpect")
 pytest.importorskip("pyte")
@@ -17,6 +17,7 @@ if sys.platform == "win32":
 from host.capture.playback import recorded_actions
 from host.virtual_object_process import VirtualObjectProcess
 from tests.terminal_run import Terminal
+from tests.waiting import wait_for
 
 
 @pytest.fixture
@@ -99,11 +100,10 @@ def test_every_key_does_its_work_is_recorded_and_scoring_honours_it(tmp_path, vi
 def test_a_terminal_that_takes_nothing_stops_nobody(tmp_path, virtual):
     recording = tmp_path / "trial.mcap"
     terminal = Terminal(["capture", virtual.link, "--out", recording, "--duration", 5], tmp_path, 200, 60)
-    while "\x1b[?1049h" not in terminal.raw:
-        terminal.read()
+    terminal.wait_for_raw("\x1b[?1049h", 1)
     # Nothing is read from here on, and the terminal's own buffer holds a few KiB: less than a picture or two.
     written = recording.with_suffix(".json")
-    wait_for(lambda: written.exists() and written.read_text().endswith("}\n"), 20, "the result of a stalled capture")
+    wait_for(lambda: written.exists() and written.read_text().endswith("}\n"), "the result of a stalled capture")
     result = result_of(recording)
     assert result["losses"]["missing"] == 0
     assert result["capture"]["ended"] == "5 s are over"
@@ -120,7 +120,7 @@ def test_ctrl_z_steps_aside_and_the_capture_goes_on(tmp_path, virtual):
     terminal.wait_for("The capture goes on")
     terminal.process.kill(signal.SIGTSTP)  # and from outside: not followed while it captures
     size = recording.stat().st_size
-    wait_for(lambda: recording.stat().st_size > size + 20_000, 10, "a growing recording")
+    wait_for(lambda: recording.stat().st_size > size + 20_000, "a growing recording")
     terminal.press(" ")
     terminal.wait_for_raw("\x1b[?1049h", 2)
     terminal.wait_for_cycles(3)

@@ -78,7 +78,7 @@ def running(*words: str, **options: Any) -> Iterator[subprocess.Popen]:
 
 def capture(address: str, n: int = 200, uri: str | None = None) -> None:
     with object_on(address) as (own, _), open_transport(uri or own) as transport:
-        got = receive(transport, lambda got: got.n_samples >= n, 200, limit_s=60)
+        got = receive(transport, lambda got: got.n_samples >= n, 200)
         finish(transport, got)
     check_whole(got)
 
@@ -105,7 +105,7 @@ def kernel_slcan_against_our_adapter() -> None:
             wait_until(lambda: Path("/sys/class/net/slcan0").exists())
             sh("ip", "link", "set", "slcan0", "up")
             with open_transport("can:socketcan:slcan0?node=5") as transport:
-                got = receive(transport, lambda got: got.n_samples >= 200, 200, limit_s=60)
+                got = receive(transport, lambda got: got.n_samples >= 200, 200)
                 finish(transport, got)
     check_whole(got)
     assert got.session.info is not None
@@ -179,10 +179,10 @@ def error_frames_of_the_kernel_are_told() -> None:
         open_transport("can:socketcan:vcan0?node=11") as transport,
     ):
         raw.bind(("vcan0",))
-        got = receive(transport, lambda got: got.n_samples >= 50, 200, limit_s=60)
+        got = receive(transport, lambda got: got.n_samples >= 50, 200)
         for kind, (data, words) in said.items():
             raw.send(struct.pack("=IB3x8s", 0x20000000 | kind, 8, data))
-            receive(transport, lambda _, w=words: any(w in each for each in transport.problems), limit_s=20, got=got)
+            receive(transport, lambda _, w=words: any(w in each for each in transport.problems), got=got)
         finish(transport, got)
     assert transport.health.state == "bus-off"
     assert got.link.counters.error_frames == transport.health.error_frames == 3
@@ -191,13 +191,13 @@ def error_frames_of_the_kernel_are_told() -> None:
 
 def link_down_and_up_during_a_capture() -> None:
     with object_on("can:socketcan:vcan2?node=7") as (own, _), open_transport(own) as transport:
-        got = receive(transport, lambda got: got.n_samples >= 100, 200, limit_s=60)
+        got = receive(transport, lambda got: got.n_samples >= 100, 200)
         sh("ip", "link", "set", "vcan2", "down")
-        receive(transport, lambda _: transport.health.went_down, limit_s=10, got=got)
+        receive(transport, lambda _: transport.health.went_down, got=got)
         assert "went down" in transport.problems[0]
         sh("ip", "link", "set", "vcan2", "up")
         seen = got.n_samples
-        receive(transport, lambda got: got.n_samples >= seen + 200, limit_s=30, got=got)
+        receive(transport, lambda got: got.n_samples >= seen + 200, got=got)
         finish(transport, got)
     assert "went down" in transport.problems[0]  # whoever asks late is told as well
 
