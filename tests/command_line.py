@@ -133,13 +133,13 @@ class Program:
     def send_signal(self, number):
         self.process.send_signal(number)
 
-    def wait(self):
+    def exit_code(self):
         """Wait for its end; return its exit code."""
         return self.process.wait(HANG_S)
 
     def finish(self):
         """Wait for its end; return its exit code and all of its output, as `subprocess.run` does."""
-        return subprocess.CompletedProcess(self.process.args, self.wait(), self.stdout.all(), self.stderr.all())
+        return subprocess.CompletedProcess(self.process.args, self.exit_code(), self.stdout.all(), self.stderr.all())
 
 
 @contextmanager

@@ -29,7 +29,7 @@ class LiveObject:
 
     def stop(self):
         self.program.process.terminate()
-        assert self.program.wait() == 0
+        assert self.program.exit_code() == 0
         return self.truth()
 
 

@@ -12,6 +12,12 @@ from typing import TypeVar
 HANG_S = 240.0
 """Longest wait for one thing. The limit of a whole test (pyproject.toml) is longer, so that the message comes first."""
 
+SLOW_S = 30.0
+"""Processor time that some tenths of a second of work never take, unless their cost has come to grow with the square.
+
+How fast anything is: `make bench`.
+"""
+
 T = TypeVar("T")
 
 

@@ -111,7 +111,7 @@ def test_a_capture_killed_at_any_moment_leaves_a_recording_that_is_whole_up_to_t
         # Between flushes, not just after one: the log of the link grows with every read.
         wait_for(lambda: log.exists() and log.stat().st_size > kill_after_bytes, "data")
         os.kill(capture.pid, signal.SIGKILL)
-        capture.wait()
+        capture.exit_code()
     chunks = list(RecordingReader(recording).chunks())
     # The log of the link says what was received, and when.
     lines = [line.split() for line in log.read_text().splitlines()[:-1] if not line.startswith("#")]

@@ -103,7 +103,7 @@ def captured_over_tcp(folder, wrap_s):
         link = wait_for_line(virtual, "ready: ")[-1].split("ready: ")[1].strip()
         captured = rotdrift("capture", link, "--duration", wrap_s + 4, "--json", cwd=folder)
         virtual.send_signal(signal.SIGTERM)
-        assert virtual.wait() == 0
+        assert virtual.exit_code() == 0
     assert captured.returncode == 0, captured.stderr
     return json.loads(captured.stdout), json.loads((folder / "truth.json").read_text())
 
@@ -180,7 +180,7 @@ def test_a_killed_capture_leaves_a_recording_that_scores_as_it_is(tmp_path):
             wait_for_line(capture, "cycle   4")
             killed_ns = time.monotonic_ns()
             os.kill(capture.pid, signal.SIGKILL)
-            capture.wait()
+            capture.exit_code()
         truth = virtual.stop()
     trial = load_trial(recording)
     assert "was not closed" in trial.damage[0]

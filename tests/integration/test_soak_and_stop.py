@@ -94,5 +94,5 @@ def test_the_virtual_object_stops_and_takes_its_device_with_it(tmp_path):
     with started("emulate", "--scenario", "static", "--link", f"pty:{tmp_path / 'object'}") as process:
         wait_for_line(process, "ready: ")
         process.send_signal(signal.SIGTERM)
-        assert process.wait() == 0
+        assert process.exit_code() == 0
     assert not os.path.lexists(tmp_path / "object")
