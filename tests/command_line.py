@@ -1,11 +1,14 @@
 """The ``rotdrift`` command and virtual objects as real processes, for tests."""
 
+import io
 import os
 import subprocess
 import sys
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, chdir, contextmanager, redirect_stderr, redirect_stdout, suppress
+from unittest.mock import patch
 
+from host.cli import main
 from tests.waiting import HANG_S, wait_for, wait_for_thread
 
 BASE = (sys.executable, "-P", "-m", "rotdrift")
@@ -78,6 +81,19 @@ def rotdrift(*arguments, cwd=None, **extra):
         timeout=HANG_S,
         check=False,
     )
+
+
+def rotdrift_here(*arguments, cwd=".", **extra):
+    """Run the command to its end in this process: for tests of what it does, not of how it starts and ends."""
+    output, errors = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    with ExitStack() as stack:
+        stack.enter_context(patch.dict(os.environ, environment(**extra), clear=True))
+        stack.enter_context(chdir(cwd))
+        stack.enter_context(redirect_stdout(output))
+        stack.enter_context(redirect_stderr(errors))
+        code = main([*map(str, arguments)])
+    texts = (stream.buffer.getvalue().decode() for stream in (output, errors))
+    return subprocess.CompletedProcess(arguments, code, *texts)
 
 
 class Lines:

@@ -12,7 +12,7 @@ import pytest
 from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
 from host.virtual_object_process import VirtualObjectProcess
-from tests.command_line import BASE, environment, one_sentence, quick_scenario, rotdrift, started
+from tests.command_line import BASE, environment, one_sentence, quick_scenario, rotdrift, rotdrift_here, started
 from tests.waiting import HANG_S, wait_for
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs ptys and limits of POSIX")
@@ -70,15 +70,15 @@ def test_a_folder_that_cannot_be_written_is_said_before_anything_starts(tmp_path
     folder = tmp_path / "read-only"
     folder.mkdir(mode=0o500)
     with VirtualObjectProcess(quick_scenario(tmp_path)) as virtual:
-        refused = rotdrift("capture", virtual.link, "--out", folder / "trial.mcap")
+        refused = rotdrift_here("capture", virtual.link, "--out", folder / "trial.mcap")
     assert "permission denied" in one_sentence(refused, 4)
 
 
 def test_a_folder_that_cannot_even_be_made_is_said_before_anything_starts(tmp_path):
     (tmp_path / "file").touch()
     with VirtualObjectProcess(quick_scenario(tmp_path)) as virtual:
-        refused = rotdrift("capture", virtual.link, "--out", tmp_path / "file" / "trial.mcap")
-        nowhere = rotdrift("capture", virtual.link, "--out", "/proc/rotdrift/trial.mcap")
+        refused = rotdrift_here("capture", virtual.link, "--out", tmp_path / "file" / "trial.mcap")
+        nowhere = rotdrift_here("capture", virtual.link, "--out", "/proc/rotdrift/trial.mcap")
     one_sentence(refused, 4)
     assert "cannot be created" in one_sentence(nowhere, 4)
 
@@ -121,7 +121,7 @@ def test_a_capture_killed_at_any_moment_leaves_a_recording_that_is_whole_up_to_t
     assert received.startswith(recorded[: len(received)])
     if kill_after_bytes > 10_000:
         assert load_trial(recording).losses.missing == 0
-    replayed = rotdrift("recover", recording, tmp_path / "clean.mcap", "--json")
+    replayed = rotdrift_here("recover", recording, tmp_path / "clean.mcap", "--json")
     assert replayed.returncode == 0
     found = json.loads(replayed.stdout)
     assert (found["chunks"], found["missing_chunks"]) == (len(chunks), 0)

@@ -16,7 +16,15 @@ from host.commands.demo import true_drift_deg
 from host.recording.load import load_trial
 from host.results.result import score_trial
 from host.virtual_object_process import VirtualObjectProcess
-from tests.command_line import PERFECT_IMU, one_sentence, quick_scenario, rotdrift, started, wait_for_line
+from tests.command_line import (
+    PERFECT_IMU,
+    one_sentence,
+    quick_scenario,
+    rotdrift,
+    rotdrift_here,
+    started,
+    wait_for_line,
+)
 from tests.waiting import wait_for
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs ptys and POSIX signals")
@@ -89,10 +97,10 @@ def test_a_noiseless_trial_over_a_pty_is_measured_within_the_quantisation_and_re
 
     del result["capture"]
     for command in ("replay", "score"):
-        again = rotdrift(command, recording, "--json")
+        again = rotdrift_here(command, recording, "--json")
         assert again.returncode == 0, again.stderr
         assert_same(json.loads(again.stdout), result)
-    refused = rotdrift("capture", virtual.link, "--out", recording)
+    refused = rotdrift_here("capture", virtual.link, "--out", recording)
     assert "exists already" in one_sentence(refused, 4)
 
 
@@ -137,7 +145,7 @@ def test_ctrl_c_ends_in_order_and_a_second_capture_is_refused_meanwhile(tmp_path
     )
     with VirtualObjectProcess(scenario) as virtual, started("capture", virtual.link, "--out", recording) as capture:
         wait_for_line(capture, "cycle   1")
-        second = rotdrift("capture", virtual.link, "--out", tmp_path / "second.mcap")
+        second = rotdrift_here("capture", virtual.link, "--out", tmp_path / "second.mcap")
         assert f"(process {capture.pid})" in one_sentence(second, 3)
         assert not (tmp_path / "second.mcap").exists()
         wait_for_line(capture, "cycle   4")
@@ -188,7 +196,7 @@ def test_a_killed_capture_leaves_a_recording_that_scores_as_it_is(tmp_path):
     score = score_trial(trial)
     assert score.valid
     assert score.theta_bar_deg == pytest.approx(true_drift_deg(score, truth), abs=0.01)
-    scored = rotdrift("score", recording)
+    scored = rotdrift_here("score", recording)
     assert scored.returncode == 0
     assert "was not closed" in " ".join(scored.stdout.split())
 
@@ -220,7 +228,7 @@ def test_a_demonstration_that_is_killed_leaves_no_object_behind(tmp_path):
 
 
 def test_a_scenario_that_does_not_exist_stops_the_demonstration_with_a_sentence(tmp_path):
-    failed = rotdrift("demo", "--scenario", "nonsense", cwd=tmp_path)
+    failed = rotdrift_here("demo", "--scenario", "nonsense", cwd=tmp_path)
     assert "unknown scenario 'nonsense'" in failed.stderr
     assert "Traceback" not in failed.stderr
     assert failed.returncode in {2, 3}

@@ -8,7 +8,7 @@ import pytest
 
 from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
-from tests.command_line import quick_scenario, rotdrift, started, wait_for_line
+from tests.command_line import quick_scenario, rotdrift, rotdrift_here, started, wait_for_line
 from tests.live_objects import live_object
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs ptys")
@@ -50,7 +50,7 @@ def test_a_cable_pulled_out_and_put_in_again_is_a_gap_in_one_trial(tmp_path, kin
     mark = next(i for i, chunk in enumerate(chunks) if not chunk.data)
     assert any(chunk.data for chunk in chunks[mark + 1 :])
     assert load_trial(recording).damage == ()
-    again = json.loads(rotdrift("score", recording, "--json").stdout)
+    again = json.loads(rotdrift_here("score", recording, "--json").stdout)
     assert again["losses"] == losses
     assert again["link"] == result["link"]
 
@@ -111,7 +111,7 @@ def test_the_log_of_a_link_holds_every_byte_with_its_time(tmp_path):
     with live_object(tmp_path, quick_scenario(tmp_path), f"pty:{tmp_path / 'object'}") as virtual:
         arguments = ("capture", virtual.link, "--duration", 1.5, "--out", recording, "--debug-link", log)
         rotdrift(*arguments)
-        refused = rotdrift(*arguments[:-3], tmp_path / "other.mcap", *arguments[-2:])
+        refused = rotdrift_here(*arguments[:-3], tmp_path / "other.mcap", *arguments[-2:])
         virtual.stop()
     lines = [line.split() for line in log.read_text().splitlines() if not line.startswith("#")]
     for sign, topic in (("<", "/raw/received"), (">", "/raw/sent")):

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tests.command_line import quick_scenario, rotdrift
+from tests.command_line import quick_scenario, rotdrift_here
 
 pytest.importorskip("pexpect")
 pytest.importorskip("pyte")
@@ -92,7 +92,7 @@ def test_every_key_does_its_work_is_recorded_and_scoring_honours_it(tmp_path, vi
     assert first["time_s"] + 0.5 * first["dwell_s"] >= result["window"]["from_s"] > 0  # its dwell touches the window
     assert cycle > 2
     assert any(event["kind"] == "MARKER" for event in result["events"])  # the object was told as well
-    again = json.loads(rotdrift("score", recording, "--json").stdout)
+    again = json.loads(rotdrift_here("score", recording, "--json").stdout)
     assert again["theta_bar_deg"] == result["theta_bar_deg"]
     assert again["excluded_cycles"] == result["excluded_cycles"]
 

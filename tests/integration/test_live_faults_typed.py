@@ -7,7 +7,7 @@ import pytest
 
 from emulator.faults.definitions import KINDS, RATES
 from host.recording.load import load_trial
-from tests.command_line import quick_scenario, rotdrift, started, wait_for_line
+from tests.command_line import quick_scenario, rotdrift_here, started, wait_for_line
 from tests.live_objects import live_object
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs ptys")
@@ -97,4 +97,4 @@ def test_every_fault_can_be_typed_and_the_truth_has_each(tmp_path):
     losses = trial.losses
     assert losses.produced == losses.received + losses.lost + losses.rejected + losses.dropped
     assert losses.missing > 0
-    assert rotdrift("score", recording).returncode in {0, 1}
+    assert rotdrift_here("score", recording).returncode in {0, 1}
