@@ -147,7 +147,7 @@ def test_a_guided_trial_up_to_an_interval_then_a_key(tmp_path):
     steps = [action.text for action in recorded_actions(recording) if action.kind == "guide"]
     assert steps == ["start the hand", "let it turn", "stop the hand, hold still", "done"]
     assert result_of(recording)["capture"]["ended"] == "the guided trial is complete"
-    terminal = Terminal(["replay", recording, "--speed", 4, "--ascii"], tmp_path, 120, 36)
+    terminal = Terminal(["replay", recording, "--speed", 20, "--ascii"], tmp_path, 120, 36)
     assert terminal.finish() == 0
     assert "rotdrift replay" in terminal.raw
     assert "theta" in terminal.raw
