@@ -60,7 +60,7 @@ class Got:
 
 @contextlib.contextmanager
 def object_on(address: str, scenario: str = "default", seed: int = 1) -> Iterator[tuple[str, ObjectLink]]:
-    """Run a virtual object on a link; gives the URI for the host and the object's end."""
+    """Run a virtual object on a link; yields the URI for the host and the object's end."""
     link = open_link(address)
     stop, ready = threading.Event(), threading.Event()
     uri: list[str] = []

@@ -35,7 +35,7 @@ class Terminal:
         self.modes_before = self.modes()
 
     def modes(self):
-        """Modes of the terminal that a program must give back."""
+        """Return the modes of the terminal that a program must restore."""
         mode = termios.tcgetattr(self.process.child_fd)
         return mode[:4]
 
