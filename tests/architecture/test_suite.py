@@ -11,7 +11,7 @@ import pytest
 from tests.waiting import HANG_S, wait_for
 
 TESTS = Path(__file__).parents[1]
-WAITS = {"acquire", "communicate", "join", "wait"}
+WAITS = {"communicate", "join", "wait"}
 RUNS = {"call", "check_call", "check_output", "run"}
 READS = {"readline", "readlines"}
 """Whatever reads from a pipe up to the end of a line blocks, however the loop around it is bounded."""
