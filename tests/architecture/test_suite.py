@@ -4,10 +4,13 @@ import ast
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from tests.can_traffic import info_packet, object_at
 from tests.waiting import HANG_S, wait_for
 
 TESTS = Path(__file__).parents[1]
@@ -59,6 +62,13 @@ def test_a_wait_ends_with_a_message_before_the_test_does_and_the_test_before_its
     monkeypatch.setattr("tests.waiting.HANG_S", 0.02)
     with pytest.raises(AssertionError, match=r"waited 0 s for the end of the world"):
         wait_for(lambda: False, "the end of the world")
+
+
+def test_what_an_object_on_can_sends_does_not_depend_on_how_busy_the_machine_is(monkeypatch):
+    end = object_at()  # its INFO waits for flow control, for so long on the machine's clock
+    later_ns = time.perf_counter_ns() + 10**10
+    monkeypatch.setattr("isotp.tools.time", SimpleNamespace(perf_counter_ns=lambda: later_ns))
+    assert end.encode([info_packet()]) == []
 
 
 def test_programs_under_test_ignore_no_signal():
