@@ -4,6 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet
 
+# The tests start Python some hundred times; without byte code each start compiles everything again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test lint format recordings bench bench-quick docs fuzz clean
 .DEFAULT_GOAL := demo
 
@@ -34,7 +37,7 @@ demo: $(VENV)/.run
 	$(BIN)/rotdrift demo
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

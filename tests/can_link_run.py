@@ -21,6 +21,7 @@ from host.links import open_transport
 from host.links.transport import AnyChunk
 from host.stream.decoding import Link
 from host.stream.session import Phase, Session, SessionSettings
+from tests.waiting import wait_for, wait_for_event, wait_for_thread
 
 LINKS = {
     "pty": "pty:",
@@ -59,7 +60,7 @@ class Got:
 
 @contextlib.contextmanager
 def object_on(address: str, scenario: str = "default", seed: int = 1) -> Iterator[tuple[str, ObjectLink]]:
-    """Run a virtual object on a link; gives the URI for the host and the object's end."""
+    """Run a virtual object on a link; yields the URI for the host and the object's end."""
     link = open_link(address)
     stop, ready = threading.Event(), threading.Event()
     uri: list[str] = []
@@ -71,20 +72,18 @@ def object_on(address: str, scenario: str = "default", seed: int = 1) -> Iterato
     settings = replace(load_scenario(scenario), seed=seed)
     thread = threading.Thread(target=run, args=(settings, link, None, None, stop, on_ready), daemon=True)
     thread.start()
-    assert ready.wait(10)
+    wait_for_event(ready, "an object that is ready")
     try:
         yield uri[0], link
     finally:
         stop.set()
-        thread.join(10)
-        assert not thread.is_alive()
+        wait_for_thread(thread)
 
 
 def receive(
     transport: Any,
     enough: Callable[[Got], bool],
     rate_hz: int | None = None,
-    limit_s: float = 30.0,
     got: Got | None = None,
 ) -> Got:
     """Talk with the object until there is enough."""
@@ -92,24 +91,23 @@ def receive(
     if got.session is None:
         encode = getattr(transport, "encode_command", encode_command)
         got.session = Session(SessionSettings(rate_hz=rate_hz), transport.name, time.monotonic_ns(), encode)
-    deadline = time.monotonic() + limit_s
-    while not enough(got):
-        assert time.monotonic() < deadline, "not enough came in time"
+    session = got.session
+
+    def turn() -> None:
         _turn(transport, got)
-        assert got.session.error is None, got.session.error
+        assert session.error is None, session.error
+
+    wait_for(lambda: enough(got), lambda: f"enough packets; {got.n_samples} samples came", turn)
     return got
 
 
 def finish(transport: Any, got: Got) -> None:
     """Stop the object and take what is still under way."""
-    assert got.session is not None
-    got.session.stop()
-    deadline = time.monotonic() + 10
-    while got.session.phase is not Phase.STOPPED:
-        assert time.monotonic() < deadline
-        _turn(transport, got)
-    while _turn(transport, got):
-        pass
+    session = got.session
+    assert session is not None
+    session.stop()
+    wait_for(lambda: session.phase is Phase.STOPPED, "an object that has stopped", lambda: _turn(transport, got))
+    wait_for(lambda: not _turn(transport, got), "a silent link")
 
 
 def _turn(transport: Any, got: Got) -> bool:
@@ -129,7 +127,6 @@ def over(
     packets: list[bytes],
     tamper: FrameTamper | None = None,
     wanted: int | None = None,
-    limit_s: float = 120.0,
 ) -> list[AnyChunk]:
     """Send packets over a link, as fast as it takes them, and return what the host receives.
 
@@ -148,18 +145,20 @@ def over(
             with open_transport(link.host_uri) as transport:
                 go.set()
                 decoder = Link()
-                deadline = time.monotonic() + limit_s
                 received = 0
-                while received < wanted:
-                    assert time.monotonic() < deadline, f"{received} of {wanted} samples came"
+
+                def turn() -> None:
+                    nonlocal received
                     chunk = transport.read(0.05)
                     if chunk is not None:
                         chunks.append(chunk)
                         items = decoder.feed(chunk)
                         received += sum(len(item) for item in items if isinstance(item, OrientationBatch))
+
+                wait_for(lambda: received >= wanted, lambda: f"{wanted} samples; {received} came", turn)
         finally:
             done.set()
-            thread.join(10)
+            wait_for_thread(thread)
     return chunks
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from unittest.mock import patch
 
 import numpy as np
 
 from firmware_protocol.can.encoder import CanObject
 from firmware_protocol.can.frames import CanFrame
-from firmware_protocol.can.iso_tp import flow_control
+from firmware_protocol.can.iso_tp import LongPacketChannel, flow_control
 from firmware_protocol.can.mapping import NODE_BITS, CanFunction, split_id
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.items import StreamItem
@@ -47,9 +48,17 @@ def info_packet(device_id: int = 7, boot_id: int = 9, rate_hz: int = 1000) -> by
     return encode_packet(Info(device_id=device_id, boot_id=boot_id, rate_hz=rate_hz, name="cube"))
 
 
+class PatientObject(CanObject):
+    """An object that waits for flow control without end: the machine's clock has no say in what it sends."""
+
+    def _open_channel(self) -> LongPacketChannel:
+        with patch("firmware_protocol.can.iso_tp.FLOW_CONTROL_MS", 10**9):
+            return super()._open_channel()
+
+
 def object_at(node: int = 3, fd: bool = False, **info: int) -> CanObject:
-    """An object that has powered up: its INFO has gone to nobody."""
-    end = CanObject(node, fd)
+    """Return an object that has powered up: its INFO has gone to nobody."""
+    end = PatientObject(node, fd)
     end.encode([info_packet(**info)])
     return end
 

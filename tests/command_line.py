@@ -1,10 +1,15 @@
 """The ``rotdrift`` command and virtual objects as real processes, for tests."""
 
+import io
 import os
 import subprocess
 import sys
-import time
-from contextlib import contextmanager
+import threading
+from contextlib import ExitStack, chdir, contextmanager, redirect_stderr, redirect_stdout, suppress
+from unittest.mock import patch
+
+from host.cli import main
+from tests.waiting import HANG_S, wait_for, wait_for_thread
 
 BASE = (sys.executable, "-P", "-m", "rotdrift")
 
@@ -63,7 +68,7 @@ def environment(**extra):
     return {**kept, "TERM": "dumb", "PYTHONUTF8": "1", **extra}
 
 
-def rotdrift(*arguments, cwd=None, timeout_s=60, **extra):
+def rotdrift(*arguments, cwd=None, **extra):
     """Run the command to its end."""
     return subprocess.run(
         [*BASE, *map(str, arguments)],
@@ -73,55 +78,107 @@ def rotdrift(*arguments, cwd=None, timeout_s=60, **extra):
         capture_output=True,
         text=True,
         encoding="utf-8",
-        timeout=timeout_s,
+        timeout=HANG_S,
         check=False,
     )
 
 
+def rotdrift_here(*arguments, cwd=".", **extra):
+    """Run the command to its end in this process: for tests of what it does, not of how it starts and ends."""
+    output, errors = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    with ExitStack() as stack:
+        stack.enter_context(patch.dict(os.environ, environment(**extra), clear=True))
+        stack.enter_context(chdir(cwd))
+        stack.enter_context(redirect_stdout(output))
+        stack.enter_context(redirect_stderr(errors))
+        code = main([*map(str, arguments)])
+    texts = (stream.buffer.getvalue().decode() for stream in (output, errors))
+    return subprocess.CompletedProcess(arguments, code, *texts)
+
+
+class Lines:
+    """Lines that a process writes to a pipe.
+
+    A thread reads them: the process is never held up by a full pipe, and whoever waits for a line is never stuck in a
+    read that does not return.
+    """
+
+    def __init__(self, pipe):
+        self._pipe, self._lines = pipe, []
+        self._reading = threading.Thread(target=self._read, name="the output of a process", daemon=True)
+        self._reading.start()
+
+    def _read(self):
+        with self._pipe:
+            self._lines.extend(self._pipe)
+
+    def up_to(self, text):
+        """Wait for a line that holds a text; return all lines up to it."""
+
+        def count():
+            was_ended = not self._reading.is_alive()
+            found = next((n for n, line in enumerate(self._lines, 1) if text in line), None)
+            assert found or not was_ended, f"no line with {text!r} in {self._lines!r}"
+            return found
+
+        return self._lines[: wait_for(count, lambda: f"a line with {text!r}; there is {self._lines!r}")]
+
+    def all(self):
+        """Wait for the end; return all that was written."""
+        wait_for_thread(self._reading)
+        return "".join(self._lines)
+
+
+class Program:
+    """A program that was started, and what it writes."""
+
+    def __init__(self, words, cwd=None, stdin=subprocess.DEVNULL):
+        self.process = subprocess.Popen(
+            list(map(str, words)),
+            cwd=cwd,
+            env=environment(),
+            stdin=stdin,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+        )
+        self.pid = self.process.pid
+        self.stdout, self.stderr = Lines(self.process.stdout), Lines(self.process.stderr)
+
+    def send_signal(self, number):
+        self.process.send_signal(number)
+
+    def exit_code(self):
+        """Wait for its end; return its exit code."""
+        return self.process.wait(HANG_S)
+
+    def finish(self):
+        """Wait for its end; return its exit code and all of its output, as `subprocess.run` does."""
+        return subprocess.CompletedProcess(self.process.args, self.exit_code(), self.stdout.all(), self.stderr.all())
+
+
 @contextmanager
-def started(*arguments, cwd=None):
-    """Start the command; ended when the block is left."""
-    process = subprocess.Popen(
-        [*BASE, *map(str, arguments)],
-        cwd=cwd,
-        env=environment(),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        encoding="utf-8",
-    )
+def running(program):
+    """Kill a program when the block is left, unless it has ended."""
     try:
-        yield process
+        yield program
     finally:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
+        program.process.kill()
+        program.finish()
+        if program.process.stdin is not None:
+            with suppress(BrokenPipeError):
+                program.process.stdin.close()
 
 
-def wait_for(condition, within_s=30.0, what="condition"):
-    """Wait for a condition, bounded."""
-    deadline = time.monotonic() + within_s
-    while time.monotonic() < deadline:
-        value = condition()
-        if value:
-            return value
-        time.sleep(0.01)
-    raise AssertionError(f"{what} did not come within {within_s} s")
+def started(*arguments, cwd=None):
+    """Start the command; killed when the block is left."""
+    return running(Program([*BASE, *arguments], cwd))
 
 
-def wait_for_line(process, text, within_s=30.0):
-    """Read a process's standard output up to a line that holds a text; return the lines."""
-    lines = []
-    deadline = time.monotonic() + within_s
-    while time.monotonic() < deadline:
-        line = process.stdout.readline()
-        lines.append(line)
-        if text in line:
-            return lines
-        if not line:
-            break
-    raise AssertionError(f"no line with {text!r} in {lines!r}")
+def wait_for_line(program, text):
+    """Wait for a line on standard output; return the lines up to it."""
+    return program.stdout.up_to(text)
 
 
 def one_sentence(result, code):

@@ -1,4 +1,4 @@
-"""What a virtual object says in a trial, in virtual time, without any link."""
+"""What a virtual object sends in a trial, in virtual time, without any link."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from firmware_protocol.packets import Start
 
 
 def trial_packets(scenario: str, seconds: float) -> list[bytes]:
-    """Encoded packets of a trial that is started at once."""
+    """Return the encoded packets of a trial that is started at once."""
     virtual = VirtualObject(load_scenario(scenario))
-    said: list[bytes] = []
+    sent: list[bytes] = []
 
     def sink(offered: Sequence[bytes]) -> int:
-        said.extend(offered)
+        sent.extend(offered)
         return len(offered)
 
     virtual.step(0.0, sink)
     virtual.receive(encode_packet(Start(1)), 0.0)
     for step in range(1, int(seconds * 20) + 1):
         virtual.step(step / 20, sink)
-    return said
+    return sent

@@ -54,7 +54,7 @@ EMULATED = (*SERIAL_CYCLES, *CAN)
 SUBMITTED = "slip"
 TABLES = ("steps.csv", "endpoints.csv", "summary.csv")
 OF_THE_MACHINE = {"rotdrift_version", "made_with", "raw"}
-"""Keys whose values tell of versions, or of a recording that names its system."""
+"""Keys whose values depend on versions, or on a recording that names its system."""
 FRAME_NS = 5_000_000
 
 

@@ -42,7 +42,7 @@ def sawtooth(phase: FloatArray) -> FloatArray:
 
 
 def two_humps(phase: FloatArray) -> FloatArray:
-    """A lower hump, a deep dip, a higher hump at phase 0.5, and back."""
+    """A lower peak, a deep dip, a higher peak at phase 0.5, and back."""
     part = phase % 1.0
     points = np.array([0.0, 0.22, 0.34, 0.5, 0.75, 1.0])
     values = np.array([0.0, 0.7, 0.15, 1.0, 0.25, 0.0])

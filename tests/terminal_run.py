@@ -3,12 +3,12 @@
 import contextlib
 import re
 import termios
-import time
 
 import pexpect
 import pyte
 
 from tests.command_line import BASE, environment
+from tests.waiting import HANG_S, wait_for
 
 _CYCLES = re.compile(r"(\d+)(?: of \d+)? cycles?\b.*\d\d:\d\d")  # with the time beside it, as the dashboard has
 
@@ -29,13 +29,13 @@ class Terminal:
             dimensions=(height, width),
             encoding="utf-8",
             codec_errors="replace",
-            timeout=30,
+            timeout=HANG_S,
         )
         self.process.delaybeforesend = None
         self.modes_before = self.modes()
 
     def modes(self):
-        """Modes of the terminal that a program must give back."""
+        """Return the modes of the terminal that a program must restore."""
         mode = termios.tcgetattr(self.process.child_fd)
         return mode[:4]
 
@@ -49,27 +49,23 @@ class Terminal:
     def text(self):
         return "\n".join(self._screen.display)
 
-    def wait_for(self, text, within_s=30.0):
-        deadline = time.monotonic() + within_s
-        while text not in self.text:
-            assert time.monotonic() < deadline, f"{text!r} was not seen in:\n{self.text}"
-            self.read()
+    def read_until(self, condition, what):
+        """Follow what the program writes until a condition holds; return what is on the screen then."""
+        wait_for(condition, lambda: f"{what} in:\n{self.text}", self.read)
         return self.text
 
-    def wait_for_raw(self, text, count, within_s=30.0):
+    def wait_for(self, text):
+        return self.read_until(lambda: text in self.text, repr(text))
+
+    def wait_for_raw(self, text, count):
         """Wait until so many of a sequence were written: what has left the screen counts as well."""
-        deadline = time.monotonic() + within_s
-        while self.raw.count(text) < count:
-            assert time.monotonic() < deadline, f"{count} of {text!r} were not written"
-            self.read()
+        return self.read_until(lambda: self.raw.count(text) >= count, f"{count} of {text!r}, written but not kept,")
 
-    def wait_for_cycles(self, count, within_s=30.0):
+    def wait_for_cycles(self, count):
         """Wait until the screen counts so many cycles, or more: one that is busy elsewhere skips pictures."""
-        deadline = time.monotonic() + within_s
-        while not any(int(shown) >= count for shown in _CYCLES.findall(self.text)):
-            assert time.monotonic() < deadline, f"{count} cycles were not seen in:\n{self.text}"
-            self.read()
-        return self.text
+        return self.read_until(
+            lambda: any(int(shown) >= count for shown in _CYCLES.findall(self.text)), f"{count} cycles"
+        )
 
     def resize(self, width, height):
         """Give the window another size, as dragging its corner does."""
@@ -80,10 +76,14 @@ class Terminal:
         self.process.send(keys)
 
     def finish(self):
+        """Follow it to its end; return its exit code."""
         with contextlib.suppress(pexpect.EOF):
-            while True:
-                self.read()
-        self.process.wait()
+            self.read_until(lambda: False, "the end of the program")
+        return self.wait_for_exit()
+
+    def wait_for_exit(self):
+        """Wait until it has ended, without reading what it writes; return its exit code."""
+        wait_for(lambda: not self.process.isalive(), "the exit of the program")
         return self.process.exitstatus
 
     @property

@@ -1,4 +1,4 @@
-"""What the alarms say of a trial, in virtual time and along the path of a replay: chunks, trial, watch, screen."""
+"""The alarms of a trial, in virtual time and along the path of a replay: chunks, trial, watch, screen."""
 
 import threading
 
@@ -9,7 +9,7 @@ from tests.memory_transport import MemoryTransport
 
 
 class AlarmLog(QuietScreen):
-    """A screen that keeps every alarm: when it came up and went, and what it said."""
+    """A screen that keeps every alarm: when it came up and went, and its sentence."""
 
     def __init__(self):
         super().__init__()
@@ -34,7 +34,7 @@ class AlarmLog(QuietScreen):
 
 
 def watched(chunks, baseline=None):
-    """Let a trial run over chunks; give the log of its alarms and its last state."""
+    """Run a trial over chunks; return the log of its alarms and its last state."""
     log = AlarmLog()
     state = play(MemoryTransport(chunks, ends=True), Trial(baseline=baseline), log, threading.Event(), speed=1.0)
     return log, state

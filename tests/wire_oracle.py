@@ -12,7 +12,7 @@ from emulator.injection import FaultInjector
 from emulator.links import Link as ObjectLink
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.can.decoder import CanStreamDecoder
-from firmware_protocol.can.encoder import CanObject, command_frame
+from firmware_protocol.can.encoder import command_frame
 from firmware_protocol.can.frames import pack_frames
 from firmware_protocol.codec import decode_packet, encode_packet
 from firmware_protocol.errors import ProtocolError
@@ -21,7 +21,7 @@ from firmware_protocol.serial.decoder import encode_command
 from host.links.transport import Chunk, FrameChunk
 from host.stream.decoding import Link
 from host.stream.session import Session, SessionSettings
-from tests.can_traffic import answers
+from tests.can_traffic import PatientObject, answers
 from tests.faulty_trials import SETTLE_S
 from tests.memory_link import MemoryLink
 from tests.recorded_trials import MONOTONIC_NS
@@ -61,7 +61,7 @@ class CanSpy(ObjectLink):
     host_uri = "can:memory"
 
     def __init__(self, fd):
-        self.end, self.fd, self.wire, self.commands = CanObject(NODE, fd), fd, [], []
+        self.end, self.fd, self.wire, self.commands = PatientObject(NODE, fd), fd, [], []
         self.connected, self._now_ns, self._sent = True, 0, []
 
     def at(self, now_ns):

@@ -1,6 +1,7 @@
 """The rules of the house, held by a test as well as by the linter."""
 
 import ast
+import functools
 import sys
 import tomllib
 from importlib.metadata import packages_distributions
@@ -14,6 +15,7 @@ PACKAGES = ("analysis", "emulator", "firmware_protocol", "host")
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
+@functools.cache
 def imported(path):
     """Top-level names a file imports, anywhere in it."""
     names = set()

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.waiting import HANG_S
+
 ROOT = Path(__file__).parents[2]
 HELP_MAY_IMPORT = {"analysis", "emulator", "host", "rotdrift"}
 """Top-level modules outside the standard library; of these packages only what names the commands and their options."""
@@ -21,7 +23,7 @@ print("\\n" + json.dumps([code, sorted(set(sys.modules) - before)]))
 
 def imported_by(*arguments: str) -> set[str]:
     command = [sys.executable, "-c", _SCRIPT, *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=120, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=HANG_S, check=True)
     code, modules = json.loads(done.stdout.splitlines()[-1])
     assert code == 0, done.stdout + done.stderr
     return set(modules)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import HANG_S
+
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a shell script for Debian and Ubuntu")
 
 SCRIPT = Path(__file__).parents[1] / "system-packages.sh"
@@ -35,7 +37,7 @@ def run(tmp_path):
             env={"PATH": str(programs), "TMPDIR": str(tmp_path), **environment},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=HANG_S,
         )
         calls = (tmp_path / "log").read_text().splitlines() if (tmp_path / "log").exists() else []
         return done, calls

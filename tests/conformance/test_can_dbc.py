@@ -10,14 +10,14 @@ import pytest
 import firmware_protocol
 from firmware_protocol.can.dbc import dbc_text
 from firmware_protocol.can.decoder import CanStreamDecoder
-from firmware_protocol.can.encoder import CanObject, command_frame
+from firmware_protocol.can.encoder import command_frame
 from firmware_protocol.can.frames import CanFrame, pack_frames
 from firmware_protocol.can.iso_tp import LongPacketChannel
 from firmware_protocol.can.mapping import MAX_NODE, CanFunction, arbitration_id, split_id
 from firmware_protocol.codec import decode_packet, encode_packet
 from firmware_protocol.packets import Ack, AckCode, Event, EventKind, Mark, RawImu, SetRate, Start, Status, TimeReply
 from firmware_protocol.quantization import SMALLEST_THREE_OFFSET, SMALLEST_THREE_SCALE
-from tests.can_traffic import info_packet, joined, object_at, sample_packets, unit_quaternions
+from tests.can_traffic import PatientObject, info_packet, joined, object_at, sample_packets, unit_quaternions
 
 DBC = Path(firmware_protocol.__file__).parent / "sensorized_object.dbc"
 STATUS = Status(
@@ -89,7 +89,7 @@ def test_the_reconstruction_rule_is_in_the_comments(database: cantools.database.
 
 def all_frames(fd: bool) -> list[CanFrame]:
     """Everything an object sends, INFO with a host's flow control."""
-    end = CanObject(1, fd)
+    end = PatientObject(1, fd)
     host = LongPacketChannel(1, is_object=False, fd=fd)
     frames = end.encode([info_packet()])
     flow = [answer for frame in frames for _ in host.feed(frame.data) or [0] for answer in host.take_outgoing()]

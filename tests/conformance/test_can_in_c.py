@@ -17,6 +17,7 @@ from firmware_protocol.can.mapping import boot_tag
 from firmware_protocol.quantization import SMALLEST_THREE_PLAIN_MAX_ERROR_DEG
 from firmware_protocol.vectors import load_vectors
 from tests.can_traffic import is_sample, joined, object_at, sample_packets, unit_quaternions
+from tests.waiting import HANG_S
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "can.md"
 NODE = 5
@@ -50,7 +51,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (code,) = re.findall(r"```c\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     (folder / "object.c").write_text(code + HARNESS, encoding="utf-8")
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-O1"]
-    subprocess.run([compiler, *flags, "-o", "object", "object.c", "-lm"], cwd=folder, check=True)
+    subprocess.run([compiler, *flags, "-o", "object", "object.c", "-lm"], cwd=folder, check=True, timeout=HANG_S)
     return folder / "object"
 
 
@@ -61,7 +62,7 @@ def sent(program: Path, rate_hz: int, times_us: np.ndarray, quats: np.ndarray, f
         f"{tag} {rate_hz} {k} {times_us[k]} {' '.join(map(repr, quats[k].tolist()))} {flags[k]}"
         for k in range(len(quats))
     ]
-    done = subprocess.run([program], input="\n".join(lines), capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([program], input="\n".join(lines), capture_output=True, text=True, check=True, timeout=HANG_S)
     pairs = [line.split() for line in done.stdout.splitlines()]
     return [CanFrame(int(identifier, 16), bytes.fromhex(data)) for identifier, data in pairs]
 

@@ -9,6 +9,7 @@ import pytest
 
 from firmware_protocol.serial.framing import FrameDecoder
 from firmware_protocol.vectors import load_vectors
+from tests.waiting import HANG_S
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "protocol.md"
 VECTORS = load_vectors()
@@ -64,11 +65,11 @@ def c_code(tmp_path_factory):
     (code,) = re.findall(r"```c\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     (folder / "wire.c").write_text(code + HARNESS, encoding="utf-8")
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-O1"]
-    subprocess.run([compiler, *flags, "-o", "wire", "wire.c", "-lm"], cwd=folder, check=True)
+    subprocess.run([compiler, *flags, "-o", "wire", "wire.c", "-lm"], cwd=folder, check=True, timeout=HANG_S)
 
     def run(*lines):
         done = subprocess.run(
-            [folder / "wire"], input="\n".join(lines), capture_output=True, text=True, check=True, timeout=20
+            [folder / "wire"], input="\n".join(lines), capture_output=True, text=True, check=True, timeout=HANG_S
         )
         return done.stdout.splitlines()
 

@@ -10,6 +10,7 @@ from msgspec import structs
 import analysis
 from analysis.series import OrientationSeries
 from tests.scored_trials import scored
+from tests.waiting import HANG_S
 
 ROOT = Path(__file__).parents[2]
 
@@ -23,7 +24,7 @@ def test_the_notebook_runs_and_gives_what_it_shows():
     for cell in fresh.cells:
         if cell.cell_type == "code":
             cell.outputs = []
-    nbclient.NotebookClient(fresh, timeout=120, resources={"metadata": {"path": str(ROOT)}}).execute()
+    nbclient.NotebookClient(fresh, timeout=int(HANG_S), resources={"metadata": {"path": str(ROOT)}}).execute()
     for was, now in zip(stored.cells, fresh.cells, strict=True):
         kinds = [(out.output_type, sorted(out.get("data", {})), out.get("text")) for out in now.get("outputs", [])]
         assert kinds == [

@@ -13,6 +13,7 @@ import pytest
 from host.cli import main
 from host.recording.reader import RecordingReader
 from tests.can_link_run import object_on
+from tests.waiting import HANG_S
 
 
 def test_two_objects_of_one_bus_are_captured_at_once_and_each_recording_scores_alone(
@@ -101,11 +102,13 @@ def test_a_multicast_bus_works_in_a_network_namespace_of_its_own(tmp_path: Path)
     script.write_text(NAMESPACE)
     link = "can:udp_multicast:239.74.163.2?node=6&fd=1"
     try:
-        subprocess.run(["unshare", "-rn", "ip", "link", "set", "lo", "up"], check=True, capture_output=True, timeout=60)
+        subprocess.run(
+            ["unshare", "-rn", "ip", "link", "set", "lo", "up"], check=True, capture_output=True, timeout=HANG_S
+        )
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("this system lets nobody make a network namespace")
     words = ["unshare", "-rn", "sh", str(script), str(tmp_path), sys.executable, link]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=HANG_S, check=False)
     assert done.returncode == 0, done.stderr
     findings = {finding["topic"]: finding for finding in json.loads(done.stdout)}
     assert findings["link"]["verdict"] == findings["object"]["verdict"] == "ok"

@@ -20,6 +20,7 @@ from host.stream.session import Phase
 from tests.can_link_run import CAN_LINKS, LINKS, Got, finish, object_on, over, receive
 from tests.can_traffic import info_packet, is_sample, joined, sample_packets
 from tests.sequence_oracle import counted
+from tests.waiting import HANG_S, wait_for
 
 
 def address_of(name: str, request: pytest.FixtureRequest) -> str:
@@ -53,7 +54,7 @@ def test_udp_multicast_carries_classic_and_fd() -> None:
     pytest.importorskip("msgpack", reason="udp_multicast needs the extra rotdrift[multicast]")
     for node, fd in ((11, 0), (12, 1)):
         # A group of this process's own: another run of the tests must not be on the same bus.
-        group = f"239.74.{os.getpid() // 250 % 250}.{os.getpid() % 250}"
+        group = f"239.{64 + (os.getpid() >> 16) % 64}.{os.getpid() >> 8 & 255}.{os.getpid() & 255}"
         address = f"can:udp_multicast:{group}?node={node}&fd={fd}"
         with contextlib.ExitStack() as stack:
             uri, _ = stack.enter_context(object_on(address))
@@ -314,13 +315,17 @@ def test_python_cans_own_slcan_bus_understands_the_adapter(name: str, request: p
     with object_on(address_of(name, request)) as (uri, _):
         channel = uri.removeprefix("can:slcan:").partition("?")[0]
         with can.Bus(interface="slcan", channel=channel, bitrate=500_000, sleep_after_open=0.0) as bus:
-            assert bus.get_version(5.0) == (10, 13)
-            assert bus.get_serial_number(5.0) == "RD01"
+            assert bus.get_version(HANG_S) == (10, 13)
+            assert bus.get_serial_number(HANG_S) == "RD01"
             node = 7 if name == "slcan-pty" else 1
             bus.send(can.Message(arbitration_id=0x020 | node, data=b"\x82\x01\x00", is_extended_id=False))
             heard = {}
-            while not {0x040 | node, 0x180 | node, 0x200 | node} <= set(heard):
-                message = bus.recv(5.0)
-                assert message is not None
-                heard[message.arbitration_id] = bytes(message.data)
+
+            def hear() -> None:
+                message = bus.recv(0.1)
+                if message is not None:
+                    heard[message.arbitration_id] = bytes(message.data)
+
+            wanted = {0x040 | node, 0x180 | node, 0x200 | node}
+            wait_for(lambda: wanted <= set(heard), lambda: f"{wanted}; {set(heard)} came", hear)
             assert heard[0x040 | node] == b"\x05\x82\x01\x00"

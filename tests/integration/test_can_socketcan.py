@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import HANG_S
+
 UML = Path(__file__).resolve().parents[1] / "uml"
 CHECKS = [
     "vcan_classic",
@@ -56,7 +58,7 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> str:
     if "amx_tile" in Path("/proc/cpuinfo").read_text():
         library = work / "full_xstate.so"
         command = ["gcc", "-O2", "-shared", "-fPIC", "-o", str(library), str(UML / "full_xstate.c"), "-ldl"]
-        subprocess.run(command, check=True, timeout=60)
+        subprocess.run(command, check=True, timeout=HANG_S)
         environment["LD_PRELOAD"] = str(library)
     kernel = ["linux.uml", "mem=768M", "root=/dev/root", "rootfstype=hostfs", "rootflags=/", "ro", "quiet"]
     consoles = ["con=null", "con0=null,fd:1", "con1=null"]
@@ -76,7 +78,7 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> str:
         finally:
             if process.poll() is None:
                 os.killpg(process.pid, 9)
-                process.wait(10)
+                process.wait(HANG_S)
     text = output.read_text(errors="replace")
     if "CHECK" not in text:
         pytest.skip(f"the user-mode kernel does not run here: {text.strip().splitlines()[-1:]}")

@@ -12,7 +12,8 @@ import pytest
 from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
 from host.virtual_object_process import VirtualObjectProcess
-from tests.command_line import BASE, environment, one_sentence, quick_scenario, rotdrift, started, wait_for
+from tests.command_line import BASE, environment, one_sentence, quick_scenario, rotdrift, rotdrift_here, started
+from tests.waiting import HANG_S, wait_for
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs ptys and limits of POSIX")
 
@@ -36,7 +37,7 @@ def test_a_full_disk_is_told_and_the_trial_scored_from_memory(tmp_path):
             preexec_fn=small_files,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=HANG_S,
             check=False,
         )
     assert done.returncode == 0, done.stderr
@@ -69,15 +70,15 @@ def test_a_folder_that_cannot_be_written_is_said_before_anything_starts(tmp_path
     folder = tmp_path / "read-only"
     folder.mkdir(mode=0o500)
     with VirtualObjectProcess(quick_scenario(tmp_path)) as virtual:
-        refused = rotdrift("capture", virtual.link, "--out", folder / "trial.mcap")
+        refused = rotdrift_here("capture", virtual.link, "--out", folder / "trial.mcap")
     assert "permission denied" in one_sentence(refused, 4)
 
 
 def test_a_folder_that_cannot_even_be_made_is_said_before_anything_starts(tmp_path):
     (tmp_path / "file").touch()
     with VirtualObjectProcess(quick_scenario(tmp_path)) as virtual:
-        refused = rotdrift("capture", virtual.link, "--out", tmp_path / "file" / "trial.mcap")
-        nowhere = rotdrift("capture", virtual.link, "--out", "/proc/rotdrift/trial.mcap")
+        refused = rotdrift_here("capture", virtual.link, "--out", tmp_path / "file" / "trial.mcap")
+        nowhere = rotdrift_here("capture", virtual.link, "--out", "/proc/rotdrift/trial.mcap")
     one_sentence(refused, 4)
     assert "cannot be created" in one_sentence(nowhere, 4)
 
@@ -88,11 +89,11 @@ def test_a_recording_removed_under_a_capture_is_written_again(tmp_path):
         VirtualObjectProcess(quick_scenario(tmp_path)) as virtual,
         started("capture", virtual.link, "--cycles", 5, "--out", recording, "--json") as capture,
     ):
-        wait_for(lambda: recording.exists() and recording.stat().st_size > 20_000, what="data on disk")
+        wait_for(lambda: recording.exists() and recording.stat().st_size > 20_000, "data on disk")
         recording.unlink()
-        stdout, stderr = capture.communicate(timeout=30)
-    assert capture.returncode == 0, stderr
-    result = json.loads(stdout)
+        done = capture.finish()
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
     assert any("removed meanwhile and written again" in warning for warning in result["capture"]["warnings"])
     trial = load_trial(recording)
     assert trial.losses.missing == 0
@@ -108,9 +109,9 @@ def test_a_capture_killed_at_any_moment_leaves_a_recording_that_is_whole_up_to_t
         started("capture", virtual.link, "--out", recording, "--debug-link", log) as capture,
     ):
         # Between flushes, not just after one: the log of the link grows with every read.
-        wait_for(lambda: log.exists() and log.stat().st_size > kill_after_bytes, what="data")
+        wait_for(lambda: log.exists() and log.stat().st_size > kill_after_bytes, "data")
         os.kill(capture.pid, signal.SIGKILL)
-        capture.wait(10)
+        capture.exit_code()
     chunks = list(RecordingReader(recording).chunks())
     # The log of the link says what was received, and when.
     lines = [line.split() for line in log.read_text().splitlines()[:-1] if not line.startswith("#")]
@@ -120,7 +121,7 @@ def test_a_capture_killed_at_any_moment_leaves_a_recording_that_is_whole_up_to_t
     assert received.startswith(recorded[: len(received)])
     if kill_after_bytes > 10_000:
         assert load_trial(recording).losses.missing == 0
-    replayed = rotdrift("recover", recording, tmp_path / "clean.mcap", "--json")
+    replayed = rotdrift_here("recover", recording, tmp_path / "clean.mcap", "--json")
     assert replayed.returncode == 0
     found = json.loads(replayed.stdout)
     assert (found["chunks"], found["missing_chunks"]) == (len(chunks), 0)

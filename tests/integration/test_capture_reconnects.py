@@ -8,7 +8,7 @@ import pytest
 
 from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
-from tests.command_line import quick_scenario, rotdrift, started, wait_for_line
+from tests.command_line import quick_scenario, rotdrift, rotdrift_here, started, wait_for_line
 from tests.live_objects import live_object
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs ptys")
@@ -24,10 +24,10 @@ def test_a_cable_pulled_out_and_put_in_again_is_a_gap_in_one_trial(tmp_path, kin
     ):
         wait_for_cycle(capture, 4)
         virtual.fault("unplug for_s=0.4")
-        stdout, stderr = capture.communicate(timeout=30)
+        done = capture.finish()
         truth = virtual.stop()
-    assert capture.returncode == 0, stderr
-    result = json.loads(stdout)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
     assert truth["fault_counts"] == {"unplug": 1}
     assert result["capture"]["ended"] == "9 cycles are done"
     assert result["link"]["reconnects"] == 1
@@ -50,7 +50,7 @@ def test_a_cable_pulled_out_and_put_in_again_is_a_gap_in_one_trial(tmp_path, kin
     mark = next(i for i, chunk in enumerate(chunks) if not chunk.data)
     assert any(chunk.data for chunk in chunks[mark + 1 :])
     assert load_trial(recording).damage == ()
-    again = json.loads(rotdrift("score", recording, "--json").stdout)
+    again = json.loads(rotdrift_here("score", recording, "--json").stdout)
     assert again["losses"] == losses
     assert again["link"] == result["link"]
 
@@ -63,10 +63,10 @@ def test_a_reset_object_is_started_again_and_the_trial_goes_on(tmp_path):
     ):
         wait_for_cycle(capture, 5)
         virtual.fault("reset for_s=0.2")
-        stdout, stderr = capture.communicate(timeout=30)
+        done = capture.finish()
         truth = virtual.stop()
-    assert capture.returncode in {0, 1}, stderr
-    result = json.loads(stdout)
+    assert done.returncode in {0, 1}, done.stderr
+    result = json.loads(done.stdout)
     assert len(truth["device"]["boot_ids"]) == 2
     assert result["link"]["resets"] == 1
     assert result["link"]["reconnects"] == 0
@@ -88,12 +88,12 @@ def test_another_object_at_the_same_port_is_refused(tmp_path):
     ):
         wait_for_line(capture, "cycle   5")
         virtual.fault("swap for_s=0.2")
-        _, stderr = capture.communicate(timeout=30)
+        done = capture.finish()
         truth = virtual.stop()
-    assert capture.returncode == 3
-    assert "another object answers now" in stderr
+    assert done.returncode == 3
+    assert "another object answers now" in done.stderr
     other = next(fault["device_id"] for fault in truth["faults"] if fault["kind"] == "swap")
-    assert f"{other:016x}" in stderr
+    assert f"{other:016x}" in done.stderr
     result = json.loads(recording.with_suffix(".json").read_text())
     assert result["object"]["device_id"] != f"{other:016x}"
     assert result["theta_bar_deg"] == pytest.approx(0.4, abs=0.01)
@@ -102,7 +102,7 @@ def test_another_object_at_the_same_port_is_refused(tmp_path):
 def test_a_wrong_fault_command_is_told_and_passed_over(tmp_path):
     with live_object(tmp_path, "static", f"pty:{tmp_path / 'object'}") as virtual:
         virtual.fault("explode")
-        assert "rotdrift: " in virtual.process.stderr.readline()
+        assert "rotdrift: " in virtual.program.stderr.up_to("\n")[0]
         virtual.stop()
 
 
@@ -111,7 +111,7 @@ def test_the_log_of_a_link_holds_every_byte_with_its_time(tmp_path):
     with live_object(tmp_path, quick_scenario(tmp_path), f"pty:{tmp_path / 'object'}") as virtual:
         arguments = ("capture", virtual.link, "--duration", 1.5, "--out", recording, "--debug-link", log)
         rotdrift(*arguments)
-        refused = rotdrift(*arguments[:-3], tmp_path / "other.mcap", *arguments[-2:])
+        refused = rotdrift_here(*arguments[:-3], tmp_path / "other.mcap", *arguments[-2:])
         virtual.stop()
     lines = [line.split() for line in log.read_text().splitlines() if not line.startswith("#")]
     for sign, topic in (("<", "/raw/received"), (">", "/raw/sent")):
@@ -127,7 +127,4 @@ def test_the_log_of_a_link_holds_every_byte_with_its_time(tmp_path):
 
 def wait_for_cycle(capture, number):
     """Wait for a cycle of a capture that prints JSON: its lines are on standard error."""
-    for line in capture.stderr:
-        if f"cycle {number:3d}" in line:
-            return
-    raise AssertionError("the capture ended")
+    capture.stderr.up_to(f"cycle {number:3d}")

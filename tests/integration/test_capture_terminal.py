@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tests.command_line import quick_scenario, rotdrift, wait_for
+from tests.command_line import quick_scenario, rotdrift_here
 
 pytest.importorskip("pexpect")
 pytest.importorskip("pyte")
@@ -17,6 +17,7 @@ if sys.platform == "win32":
 from host.capture.playback import recorded_actions
 from host.virtual_object_process import VirtualObjectProcess
 from tests.terminal_run import Terminal
+from tests.waiting import wait_for
 
 
 @pytest.fixture
@@ -91,7 +92,7 @@ def test_every_key_does_its_work_is_recorded_and_scoring_honours_it(tmp_path, vi
     assert first["time_s"] + 0.5 * first["dwell_s"] >= result["window"]["from_s"] > 0  # its dwell touches the window
     assert cycle > 2
     assert any(event["kind"] == "MARKER" for event in result["events"])  # the object was told as well
-    again = json.loads(rotdrift("score", recording, "--json").stdout)
+    again = json.loads(rotdrift_here("score", recording, "--json").stdout)
     assert again["theta_bar_deg"] == result["theta_bar_deg"]
     assert again["excluded_cycles"] == result["excluded_cycles"]
 
@@ -99,11 +100,10 @@ def test_every_key_does_its_work_is_recorded_and_scoring_honours_it(tmp_path, vi
 def test_a_terminal_that_takes_nothing_stops_nobody(tmp_path, virtual):
     recording = tmp_path / "trial.mcap"
     terminal = Terminal(["capture", virtual.link, "--out", recording, "--duration", 5], tmp_path, 200, 60)
-    while "\x1b[?1049h" not in terminal.raw:
-        terminal.read()
+    terminal.wait_for_raw("\x1b[?1049h", 1)
     # Nothing is read from here on, and the terminal's own buffer holds a few KiB: less than a picture or two.
     written = recording.with_suffix(".json")
-    wait_for(lambda: written.exists() and written.read_text().endswith("}\n"), 20, "the result of a stalled capture")
+    wait_for(lambda: written.exists() and written.read_text().endswith("}\n"), "the result of a stalled capture")
     result = result_of(recording)
     assert result["losses"]["missing"] == 0
     assert result["capture"]["ended"] == "5 s are over"
@@ -120,7 +120,7 @@ def test_ctrl_z_steps_aside_and_the_capture_goes_on(tmp_path, virtual):
     terminal.wait_for("The capture goes on")
     terminal.process.kill(signal.SIGTSTP)  # and from outside: not followed while it captures
     size = recording.stat().st_size
-    wait_for(lambda: recording.stat().st_size > size + 20_000, 10, "a growing recording")
+    wait_for(lambda: recording.stat().st_size > size + 20_000, "a growing recording")
     terminal.press(" ")
     terminal.wait_for_raw("\x1b[?1049h", 2)
     terminal.wait_for_cycles(3)
@@ -147,7 +147,7 @@ def test_a_guided_trial_up_to_an_interval_then_a_key(tmp_path):
     steps = [action.text for action in recorded_actions(recording) if action.kind == "guide"]
     assert steps == ["start the hand", "let it turn", "stop the hand, hold still", "done"]
     assert result_of(recording)["capture"]["ended"] == "the guided trial is complete"
-    terminal = Terminal(["replay", recording, "--speed", 4, "--ascii"], tmp_path, 120, 36)
+    terminal = Terminal(["replay", recording, "--speed", 20, "--ascii"], tmp_path, 120, 36)
     assert terminal.finish() == 0
     assert "rotdrift replay" in terminal.raw
     assert "theta" in terminal.raw

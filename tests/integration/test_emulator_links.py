@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -22,11 +21,11 @@ from firmware_protocol import packets as p
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.serial.decoder import StreamDecoder
 from firmware_protocol.serial.framing import encode_frame
+from tests.command_line import Program, running
 from tests.sequence_oracle import counted
+from tests.waiting import HANG_S, wait_for, wait_for_event, wait_for_thread
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are a thing of Unix")
-
-PATIENCE_S = 20.0
 
 EMULATE = """
 import sys
@@ -52,12 +51,12 @@ class Host:
         self.port.write(encode_frame(encode_packet(command)))
 
     def read_until(self, condition):
-        """Read until the condition holds, with a bound."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not condition(self):
-            assert time.monotonic() < deadline, f"not within {PATIENCE_S} s; got {self.decoder.counters}"
-            self.items += self.decoder.feed(self.port.read(self.port.in_waiting or 1))
+        """Read until the condition holds."""
+        wait_for(lambda: condition(self), lambda: f"packets; there are {self.decoder.counters}", self.read)
         return self
+
+    def read(self):
+        self.items += self.decoder.feed(self.port.read(self.port.in_waiting or 1))
 
     def count(self, packet_type):
         return self.decoder.counters.packets.get(packet_type, 0)
@@ -68,15 +67,8 @@ class Host:
 
 @contextmanager
 def emulator_process(scenario, link, truth):
-    process = subprocess.Popen(
-        [sys.executable, "-c", EMULATE, scenario, link, str(truth)], stdout=subprocess.PIPE, text=True
-    )
-    try:
-        yield process, process.stdout.readline().strip()
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
+    with running(Program([sys.executable, "-P", "-c", EMULATE, scenario, link, truth])) as program:
+        yield program, program.stdout.up_to("\n")[0].strip()
 
 
 @contextmanager
@@ -92,19 +84,11 @@ def emulator_thread(scenario, link, **options):
     thread = threading.Thread(target=work)
     thread.start()
     try:
-        assert ready.wait(PATIENCE_S)
+        wait_for_event(ready, "an object that is ready")
         yield result["uri"].removeprefix("serial:"), result
     finally:
         stop.set()
-        thread.join(PATIENCE_S)
-        assert not thread.is_alive()
-
-
-def wait_for(condition):
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
+        wait_for_thread(thread)
 
 
 def test_a_second_process_is_read_through_pyserial(tmp_path):
@@ -126,8 +110,8 @@ def test_a_second_process_is_read_through_pyserial(tmp_path):
         assert counters.crc_errors == counters.skipped_bytes == counted(host.items)["sequence_gaps"] == 0
         host.port.close()
         process.send_signal(signal.SIGINT)
-        assert process.stdout.readline() == "ended\n"
-        assert process.wait(PATIENCE_S) == 0
+        done = process.finish()
+        assert (done.returncode, done.stdout) == (0, f"{uri}\nended\n")
         assert not os.path.lexists(device)
         truth = json.loads(truth_path.read_text())
         assert truth["complete"] is True
@@ -142,8 +126,8 @@ def test_truth_survives_a_killed_run(tmp_path):
         host = Host(str(device))
         host.tell(p.Start(1))
         host.read_until(lambda h: h.count(p.PacketType.ORIENTATION) >= 350)
-        process.kill()
-        process.wait()
+        process.send_signal(signal.SIGKILL)
+        process.exit_code()
     truth = json.loads(truth_path.read_text())
     assert truth["complete"] is False
     assert truth["endpoints"][1]["sequence"] == pytest.approx(75, abs=2)
@@ -162,7 +146,7 @@ def test_a_pty_that_is_open_but_not_read_does_not_block_and_counts():
     scenario = replace(mute, device=replace(mute.device, rate_hz=1000))
     with emulator_thread(scenario, open_link("pty:"), duration_s=2.5) as (device, result):
         port = serial.Serial(device, timeout=0.05)
-        wait_for(lambda: "value" in result)
+        wait_for(lambda: "value" in result, "the end of the run")
         # The pseudo-terminal is gone by now; what its buffer held cannot be read any more.
         port.close()
     counts = result["value"].truth["device"]
@@ -176,7 +160,7 @@ def test_what_was_dropped_while_nobody_read_is_told_exactly_afterwards():
         host.tell(p.Start(1, with_raw_imu=True))  # 45 kB/s: more than every buffer on the way takes
         host.read_until(lambda h: h.count(p.PacketType.ORIENTATION) >= 100)
         busy_until = time.monotonic() + 1.5
-        wait_for(lambda: time.monotonic() > busy_until)  # the reader is busy with something else
+        wait_for(lambda: time.monotonic() > busy_until, "a while")  # the reader is busy with something else
         host.read_until(lambda h: any(s.errors & p.DeviceError.TRANSMIT_OVERFLOW for s in h.all(p.Status)))
         host.tell(p.Stop(2))
         host.read_until(lambda h: h.all(p.Ack)[-1].command_id == 2)
@@ -203,7 +187,7 @@ def test_a_reader_may_go_and_come_back_and_gets_no_stale_samples():
             assert host.decoder.counters.crc_errors == 0
             host.port.close()
             gone = time.monotonic() + 0.2
-            wait_for(lambda gone=gone: time.monotonic() > gone)
+            wait_for(lambda gone=gone: time.monotonic() > gone, "a while")
 
 
 def test_symbolic_links_and_files_at_the_path(tmp_path):
@@ -258,7 +242,7 @@ def test_unplug_and_replug_keep_the_name(tmp_path):
             port.read(1)
         port.close()
         link.replug()
-        with serial.Serial(str(path), timeout=PATIENCE_S) as again:
+        with serial.Serial(str(path), timeout=HANG_S) as again:
             assert link.send([b"\x05\x81\x01\x00"]) == 1
             assert again.read(1) == b"\0"
 
@@ -271,7 +255,7 @@ def test_tcp_serves_one_client_after_another_and_none_beside():
         host.read_until(lambda h: h.count(p.PacketType.ORIENTATION) >= 20)
         second = serial.serial_for_url(url, timeout=0.2)
         with pytest.raises(serial.SerialException):
-            wait_for(lambda: second.read(1))  # it gets nothing and is cut off
+            wait_for(lambda: second.read(1), "the refusal")  # it gets nothing and is cut off
         second.close()
         host.read_until(lambda h: h.count(p.PacketType.ORIENTATION) >= 40)
         host.port.close()
@@ -286,7 +270,7 @@ def test_a_tcp_client_that_does_not_read_does_not_block():
     scenario = replace(mute, device=replace(mute.device, rate_hz=1000))
     with emulator_thread(scenario, open_link("tcp:0"), duration_s=0.5) as (url, result):
         client = serial.serial_for_url(url, timeout=0.05)
-        wait_for(lambda: "value" in result)
+        wait_for(lambda: "value" in result, "the end of the run")
         client.close()
     assert result["value"].truth["device"]["samples_produced"] == pytest.approx(500, abs=3)
 

@@ -3,7 +3,6 @@
 import os
 import sys
 import threading
-import time
 from contextlib import contextmanager
 from dataclasses import replace
 from queue import SimpleQueue
@@ -18,10 +17,10 @@ from emulator.scenario import load_scenario
 from firmware_protocol import packets as p
 from firmware_protocol.serial.decoder import StreamDecoder
 from tests.sequence_oracle import counted
+from tests.waiting import wait_for, wait_for_event, wait_for_thread
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are a thing of Unix")
 
-PATIENCE_S = 20.0
 MUTE = load_scenario("mute")
 
 
@@ -37,19 +36,11 @@ def running(scenario, path):
     thread = threading.Thread(target=work)
     thread.start()
     try:
-        assert ready.wait(PATIENCE_S)
+        wait_for_event(ready, "an object that is ready")
         yield live, truth
     finally:
         stop.set()
-        thread.join(PATIENCE_S)
-        assert not thread.is_alive()
-
-
-def wait_for(condition):
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
+        wait_for_thread(thread)
 
 
 class Reader:
@@ -64,7 +55,7 @@ class Reader:
         return data
 
     def read_until(self, condition):
-        wait_for(lambda: condition(self) or (self.read() and False) or condition(self))
+        wait_for(lambda: condition(self), lambda: f"packets; there are {self.decoder.counters}", self.read)
         return self
 
     def count(self, packet_type):
@@ -77,10 +68,10 @@ def test_unplugging_takes_the_device_away_and_brings_it_back_under_its_name(tmp_
         reader = Reader(path).read_until(lambda r: r.count(p.PacketType.ORIENTATION) >= 10)
         live.put(parse_fault_command("unplug for_s=0.3"))
         with pytest.raises((serial.SerialException, OSError)):
-            wait_for(lambda: reader.read() is None)
+            wait_for(lambda: False, "the end of the link", reader.read)
         reader.port.close()
         assert not os.path.lexists(path)
-        wait_for(path.exists)
+        wait_for(path.exists, "the device")
         again = Reader(path).read_until(lambda r: r.count(p.PacketType.ORIENTATION) >= 10)
         assert again.decoder.counters.crc_errors == 0
         again.port.close()

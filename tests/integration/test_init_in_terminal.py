@@ -5,6 +5,7 @@ import sys
 import pytest
 
 from host.cards.definitions import load_cards, missing_fields
+from tests.waiting import HANG_S
 
 pexpect = pytest.importorskip("pexpect", reason="pexpect is not installed")
 if sys.platform == "win32":
@@ -13,7 +14,7 @@ if sys.platform == "win32":
 
 def start(folder, *arguments):
     command = ["-c", "import sys; from host.cli import main; sys.exit(main())", "init", str(folder), *arguments]
-    return pexpect.spawn(sys.executable, command, encoding="utf-8", timeout=20, dimensions=(24, 200))
+    return pexpect.spawn(sys.executable, command, encoding="utf-8", timeout=HANG_S, dimensions=(24, 200))
 
 
 def test_a_trial_card_is_asked_for_and_a_wrong_answer_asked_again(tmp_path):

@@ -10,6 +10,7 @@ import pytest
 
 from host.cli import main
 from tests.emulated_submission import write_trials
+from tests.waiting import HANG_S
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 HOSTILE = "<script>document.title='taken'</script><img src=http://192.0.2.1/x onerror=alert(1)> \\u001b[31mred"
@@ -64,14 +65,14 @@ def test_the_page_draws_its_3d_figure_offline_and_shows_foreign_text_as_text(mad
     if browser is None:
         pytest.skip("no Chromium is installed")
     folder, _ = made
-    subprocess.run(["unzip", "-q", "-o", "s.zip", "report.html"], cwd=folder, check=True)
+    subprocess.run(["unzip", "-q", "-o", "s.zip", "report.html"], cwd=folder, check=True, timeout=HANG_S)
     page, log, picture = folder / "report.html", folder / "net.json", folder / "page.png"
     common = [browser, *FLAGS, "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={folder / 'profile'}"]
     dom = subprocess.run(
         [*common, f"--log-net-log={log}", f"--screenshot={picture}", "--dump-dom", page.as_uri()],
         capture_output=True,
         text=True,
-        timeout=180,
+        timeout=HANG_S,
         check=True,
     )
     console = [line for line in dom.stderr.splitlines() if ":CONSOLE" in line]
@@ -80,7 +81,7 @@ def test_the_page_draws_its_3d_figure_offline_and_shows_foreign_text_as_text(mad
     shown = (
         dom.stdout
         or subprocess.run(
-            [*common, "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=180, check=True
+            [*common, "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=HANG_S, check=True
         ).stdout
     )
     assert re.search(r'<html[^>]* data-drawn="1"', shown), shown[:300]

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.command_line import one_sentence, rotdrift
+from tests.command_line import one_sentence, rotdrift_here
 
 
 def trial_file(path, drift_deg, cycles=8):
@@ -35,7 +35,7 @@ def folder(tmp_path):
 
 
 def test_a_folder_makes_one_table_and_a_bad_file_is_only_a_row(folder):
-    result = rotdrift("score", folder, COLUMNS="140")
+    result = rotdrift_here("score", folder, COLUMNS="140")
     assert result.returncode == 4
     assert "Traceback" not in result.stderr
     lines = {line.split()[0]: line for line in result.stdout.splitlines() if line.strip()}
@@ -47,34 +47,34 @@ def test_a_folder_makes_one_table_and_a_bad_file_is_only_a_row(folder):
 
 
 def test_json_has_every_file_in_order_and_equals_the_single_score(folder):
-    result = rotdrift("score", folder / "later" / "b.csv", folder / "a.csv", "--json")
+    result = rotdrift_here("score", folder / "later" / "b.csv", folder / "a.csv", "--json")
     assert result.returncode == 0
     rows = json.loads(result.stdout)["results"]
     assert [row["file"] for row in rows] == [str(folder / "later" / "b.csv"), str(folder / "a.csv")]
-    assert rows[1]["result"] == json.loads(rotdrift("score", folder / "a.csv", "--json").stdout)
+    assert rows[1]["result"] == json.loads(rotdrift_here("score", folder / "a.csv", "--json").stdout)
 
 
 def test_what_belongs_to_one_recording_is_refused_for_many(folder, tmp_path):
-    assert "--endpoints" in one_sentence(rotdrift("score", folder, "--endpoints", "1,2,3,4"), 2)
-    assert "--plot" in one_sentence(rotdrift("score", folder, "--plot", tmp_path / "p.png"), 2)
+    assert "--endpoints" in one_sentence(rotdrift_here("score", folder, "--endpoints", "1,2,3,4"), 2)
+    assert "--plot" in one_sentence(rotdrift_here("score", folder, "--plot", tmp_path / "p.png"), 2)
 
 
 @pytest.mark.parametrize(("suffix", "begins"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
 def test_the_plot(folder, tmp_path, suffix, begins):
     plot = tmp_path / f"trial.{suffix}"
-    result = rotdrift("score", folder / "a.csv", "--plot", plot)
+    result = rotdrift_here("score", folder / "a.csv", "--plot", plot)
     assert result.returncode == 0, result.stderr
     assert plot.read_bytes().startswith(begins)
     assert plot.stat().st_size > 5000
-    assert "exists already" in one_sentence(rotdrift("score", folder / "a.csv", "--plot", plot), 4)
+    assert "exists already" in one_sentence(rotdrift_here("score", folder / "a.csv", "--plot", plot), 4)
 
 
 def test_a_trial_without_a_score_is_drawn_as_well(folder, tmp_path):
-    assert rotdrift("score", folder / "short.csv", "--plot", tmp_path / "short.png").returncode == 1
+    assert rotdrift_here("score", folder / "short.csv", "--plot", tmp_path / "short.png").returncode == 1
     assert (tmp_path / "short.png").is_file()
 
 
 def test_a_picture_of_no_known_kind(folder, tmp_path):
     assert "p.gif is not a known kind of picture" in one_sentence(
-        rotdrift("score", folder / "a.csv", "--plot", tmp_path / "p.gif"), 2
+        rotdrift_here("score", folder / "a.csv", "--plot", tmp_path / "p.gif"), 2
     )

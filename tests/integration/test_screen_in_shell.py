@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command_line import BASE, quick_scenario, wait_for
+from tests.command_line import BASE, quick_scenario
 
 pytest.importorskip("pexpect")
 pytest.importorskip("pyte")
@@ -23,6 +23,7 @@ from host.capture.playback import recorded_actions
 from host.virtual_object_process import VirtualObjectProcess
 from tests.live_objects import live_object
 from tests.terminal_run import Terminal
+from tests.waiting import wait_for
 
 
 @pytest.fixture
@@ -83,7 +84,7 @@ def test_a_job_that_was_stopped_is_brought_back_by_fg(tmp_path, virtual):
     shell.wait_for("marker 1")
     shell.press("q")
     shell.wait_for("ready>")
-    wait_for(recording.with_suffix(".json").exists, what="the result")
+    wait_for(recording.with_suffix(".json").exists, "the result")
     shell.press("\nstty -a > after\nexit\n")
     shell.finish()
     assert (tmp_path / "after").read_text() == (tmp_path / "before").read_text()
@@ -102,7 +103,7 @@ def test_a_job_in_the_background_leaves_the_terminal_to_the_shell(tmp_path, virt
     shell.press("clear; bg; stty -a > meanwhile; echo asleep=$((40+2))\n")
     shell.wait_for("asleep=42")
     size = recording.stat().st_size
-    wait_for(lambda: recording.stat().st_size > size + 20_000, 10, "a growing recording")
+    wait_for(lambda: recording.stat().st_size > size + 20_000, "a growing recording")
     shell.press("echo awake=$((42+1))\n")
     seen = shell.wait_for("awake=43")
     assert "rotation drift" not in seen
@@ -126,8 +127,7 @@ def test_a_killed_capture_leaves_the_shell_as_it_was(tmp_path, virtual):
     (drawing,) = children(capture)
     seen_before = len(shell.raw)
     os.kill(capture, signal.SIGKILL)
-    while not gone(drawing) or "ready> " not in shell.raw[seen_before:]:
-        shell.read()
+    shell.read_until(lambda: gone(drawing) and "ready> " in shell.raw[seen_before:], "the end of the drawing process")
     shell.wait_for_raw("its recording is kept", 1)
     shell.press("stty -a > after; echo alive=$((40+2))\n")
     seen = shell.wait_for("alive=42")
@@ -152,8 +152,7 @@ def test_a_script_whose_capture_is_ended_from_outside_has_its_terminal_back(tmp_
         script.press("\x1c")
     else:
         os.kill(capture, end)
-    while not gone(drawing):
-        script.read()
+    script.read_until(lambda: gone(drawing), "the end of the drawing process")
     assert script.modes() == script.modes_before
     script.wait_for_raw("its recording is kept", 1)
     assert script.raw.rindex("\x1b[?25h") > script.raw.rindex("\x1b[?25l")
@@ -193,10 +192,7 @@ def test_a_closed_window_ends_the_capture_in_order(tmp_path, virtual):
     terminal = Terminal(["capture", virtual.link, "--out", recording], tmp_path)
     terminal.wait_for_cycles(4)
     terminal.process.ptyproc.fileobj.close()  # hangs up, as the system does when the window goes
-    deadline = time.monotonic() + 20
-    while terminal.process.ptyproc.isalive() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert terminal.process.ptyproc.exitstatus == 0
+    assert terminal.wait_for_exit() == 0
     result = json.loads(recording.with_suffix(".json").read_text())
     assert result["capture"]["ended"] == "stopped by the operator"
     assert result["theta_bar_deg"] == pytest.approx(0.4, abs=0.01)

@@ -35,14 +35,12 @@ def test_ctrl_c_closes_the_recording_and_leaves_nothing(tmp_path):  # how soon: 
         VirtualObjectProcess(quick_scenario(tmp_path)) as virtual,
         started("capture", virtual.link, "--out", recording, "--json") as capture,
     ):
-        for line in capture.stderr:
-            if "cycle   4" in line:
-                break
+        capture.stderr.up_to("cycle   4")
         children_before = children(capture.pid)
         capture.send_signal(signal.SIGINT)
-        stdout, stderr = capture.communicate(timeout=60)
-    assert capture.returncode == 0, stderr
-    assert json.loads(stdout)["capture"]["ended"] == "stopped by the operator"
+        done = capture.finish()
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["capture"]["ended"] == "stopped by the operator"
     assert recording.read_bytes().endswith(b"\x89MCAP0\r\n")  # the footer is written
     assert not [pid for pid in children_before if Path(f"/proc/{pid}").exists()] or not LINUX
     if LINUX:  # nobody holds the port any more
@@ -96,5 +94,5 @@ def test_the_virtual_object_stops_and_takes_its_device_with_it(tmp_path):
     with started("emulate", "--scenario", "static", "--link", f"pty:{tmp_path / 'object'}") as process:
         wait_for_line(process, "ready: ")
         process.send_signal(signal.SIGTERM)
-        assert process.wait(20) == 0
+        assert process.exit_code() == 0
     assert not os.path.lexists(tmp_path / "object")

@@ -11,7 +11,9 @@ from analysis.sensor.baseline_file import load_baseline
 from analysis.series import AnalysisError
 from tests import reader_files as files
 
-in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60, deadline=None)
+in_one_folder = settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], max_examples=60, deadline=None
+)
 
 STARTS = [b"", b",ts,tx,ty,tz,rx,ry,rz\n", b"1,0,0,0,0,0,0,\n", b"time,qw,qx,qy,qz\n", b"Timestamp (us),W,X,Y,Z\n"]
 CELLS = st.text("0123456789.,-+eE \n\r\tna#x;_\"'\x00\x1b", max_size=300).map(str.encode)

@@ -41,6 +41,7 @@ from host.stream.decoding import Link
 from tests.can_link_run import finish, object_on, open_transport, over, receive
 from tests.can_traffic import joined
 from tests.emulated_packets import trial_packets
+from tests.waiting import HANG_S, wait_for
 
 FINIT_MODULE = 313  # x86-64
 
@@ -56,14 +57,15 @@ def insert(*names: str) -> None:
 
 
 def sh(*words: str) -> None:
-    subprocess.run(words, check=True, timeout=20)
+    subprocess.run(words, check=True, timeout=HANG_S)
 
 
-def wait_until(condition, limit_s: float = 10.0) -> None:
-    deadline = time.monotonic() + limit_s
-    while not condition():
-        assert time.monotonic() < deadline, "did not happen in time"
-        time.sleep(0.01)
+def read_into(chunks: list[FrameChunk], transport: Any) -> bool:
+    """Keep what comes within a tenth of a second; return whether anything came."""
+    chunk = transport.read(0.1)
+    if chunk is not None:
+        chunks.append(chunk)
+    return chunk is not None
 
 
 @contextlib.contextmanager
@@ -73,12 +75,12 @@ def running(*words: str, **options: Any) -> Iterator[subprocess.Popen]:
         yield process
     finally:
         process.terminate()
-        process.wait(10)
+        process.wait(HANG_S)
 
 
 def capture(address: str, n: int = 200, uri: str | None = None) -> None:
     with object_on(address) as (own, _), open_transport(uri or own) as transport:
-        got = receive(transport, lambda got: got.n_samples >= n, 200, limit_s=60)
+        got = receive(transport, lambda got: got.n_samples >= n, 200)
         finish(transport, got)
     check_whole(got)
 
@@ -102,10 +104,10 @@ def kernel_slcan_against_our_adapter() -> None:
     with object_on("can:slcan:pty?node=5") as (uri, _):
         device = uri.removeprefix("can:slcan:/dev/").partition("?")[0]  # slcand puts /dev/ in front
         with running("slcand", "-F", "-o", "-c", "-s6", device, "slcan0"):
-            wait_until(lambda: Path("/sys/class/net/slcan0").exists())
+            wait_for(Path("/sys/class/net/slcan0").exists, "the interface")
             sh("ip", "link", "set", "slcan0", "up")
             with open_transport("can:socketcan:slcan0?node=5") as transport:
-                got = receive(transport, lambda got: got.n_samples >= 200, 200, limit_s=60)
+                got = receive(transport, lambda got: got.n_samples >= 200, 200)
                 finish(transport, got)
     check_whole(got)
     assert got.session.info is not None
@@ -122,17 +124,18 @@ def the_same_trial_by_capture_candump_and_canplayer() -> None:
             ["candump", "-L", "-T", "3000", "-r", "8000000", "vcan0"], stdout=file
         )  # ends after 3 s of silence
         # Before somebody listens the list says "(vcan0: no entry)".
-        wait_until(lambda: re.search(r"^ *vcan0 ", Path("/proc/net/can/rcvlist_all").read_text(), re.MULTILINE))
+        wait_for(
+            lambda: re.search(r"^ *vcan0 ", Path("/proc/net/can/rcvlist_all").read_text(), re.MULTILINE), "a listener"
+        )
         captured = over("can:socketcan:vcan0?node=6", packets)
-        assert dump.wait(60) == 0
+        assert dump.wait(HANG_S) == 0
     player = ("canplayer", "-t", "-g", "0", "-I", str(log), "vcan1=vcan0")  # without pauses
     played: list[FrameChunk] = []
     with open_transport("can:socketcan:vcan1?node=6") as transport, running(*player) as process:
+        wait_for(lambda: process.poll() is not None, "the end of canplayer", lambda: read_into(played, transport))
         quiet = 0
         while quiet < 5:
-            chunk = transport.read(0.1)
-            quiet = 0 if chunk is not None or process.poll() is None else quiet + 1
-            played += [chunk] if chunk is not None else []
+            quiet = 0 if read_into(played, transport) else quiet + 1
     expected = score_series(reference.series).to_json()
     assert expected["valid"], expected["reasons"]
     assert len(reference.series) >= 10_000
@@ -179,10 +182,10 @@ def error_frames_of_the_kernel_are_told() -> None:
         open_transport("can:socketcan:vcan0?node=11") as transport,
     ):
         raw.bind(("vcan0",))
-        got = receive(transport, lambda got: got.n_samples >= 50, 200, limit_s=60)
+        got = receive(transport, lambda got: got.n_samples >= 50, 200)
         for kind, (data, words) in said.items():
             raw.send(struct.pack("=IB3x8s", 0x20000000 | kind, 8, data))
-            receive(transport, lambda _, w=words: any(w in each for each in transport.problems), limit_s=20, got=got)
+            receive(transport, lambda _, w=words: any(w in each for each in transport.problems), got=got)
         finish(transport, got)
     assert transport.health.state == "bus-off"
     assert got.link.counters.error_frames == transport.health.error_frames == 3
@@ -191,13 +194,13 @@ def error_frames_of_the_kernel_are_told() -> None:
 
 def link_down_and_up_during_a_capture() -> None:
     with object_on("can:socketcan:vcan2?node=7") as (own, _), open_transport(own) as transport:
-        got = receive(transport, lambda got: got.n_samples >= 100, 200, limit_s=60)
+        got = receive(transport, lambda got: got.n_samples >= 100, 200)
         sh("ip", "link", "set", "vcan2", "down")
-        receive(transport, lambda _: transport.health.went_down, limit_s=10, got=got)
+        receive(transport, lambda _: transport.health.went_down, got=got)
         assert "went down" in transport.problems[0]
         sh("ip", "link", "set", "vcan2", "up")
         seen = got.n_samples
-        receive(transport, lambda got: got.n_samples >= seen + 200, limit_s=30, got=got)
+        receive(transport, lambda got: got.n_samples >= seen + 200, got=got)
         finish(transport, got)
     assert "went down" in transport.problems[0]  # whoever asks late is told as well
 
@@ -218,13 +221,15 @@ def an_interface_that_is_pulled_and_comes_back_is_opened_again() -> None:
         sh("ip", "link", "set", "vcan3", "up")
 
     def samples(transport: Any, n: int) -> None:
-        decoder, got, deadline = Link(node=7), 0, time.monotonic() + 30
+        decoder, got = Link(node=7), []
         transport.write(transport.encode_command(Start(1)))
-        while got < n:
-            assert time.monotonic() < deadline, got
+
+        def turn() -> None:
             chunk = transport.read(0.1)
             if chunk is not None and chunk.data:
-                got += sum(len(item) for item in decoder.feed(chunk) if isinstance(item, OrientationBatch))
+                got.extend(item for item in decoder.feed(chunk) if isinstance(item, OrientationBatch))
+
+        wait_for(lambda: sum(map(len, got)) >= n, lambda: f"{n} samples; {sum(map(len, got))} came", turn)
 
     plug_in()
     with contextlib.ExitStack() as first:
@@ -232,13 +237,9 @@ def an_interface_that_is_pulled_and_comes_back_is_opened_again() -> None:
         transport = first.enter_context(open_lasting(link, 20.0))
         samples(transport, 50)
         sh("ip", "link", "delete", "vcan3")
-        deadline = time.monotonic() + 10
-        while transport.connected:
-            assert time.monotonic() < deadline
-            transport.read(0.1)
+        wait_for(lambda: not transport.connected, "a lost link", lambda: transport.read(0.1))
         plug_in()
-        while (chunk := transport.read(0.1)) is None or chunk.data:
-            assert time.monotonic() < deadline + 20
+        wait_for(lambda: (chunk := transport.read(0.1)) is not None and not chunk.data, "the link's return")
         with object_on(link):
             samples(transport, 50)
         assert transport.reconnects == 1

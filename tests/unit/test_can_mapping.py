@@ -39,7 +39,17 @@ from firmware_protocol.packets import (
     TimeReply,
 )
 from firmware_protocol.quantization import SMALLEST_THREE_MAX_ERROR_DEG
-from tests.can_traffic import answers, fed, info_packet, joined, object_at, sample_packets, timed, unit_quaternions
+from tests.can_traffic import (
+    PatientObject,
+    answers,
+    fed,
+    info_packet,
+    joined,
+    object_at,
+    sample_packets,
+    timed,
+    unit_quaternions,
+)
 from tests.sequence_oracle import counted
 
 STATUS = Status(
@@ -162,7 +172,7 @@ def test_readings_of_different_requests_make_no_reply() -> None:
 
 @pytest.mark.parametrize("fd", [False, True])
 def test_info_travels_by_isotp_with_flow_control(fd: bool) -> None:
-    end = CanObject(5, fd)
+    end = PatientObject(5, fd)
     host = CanStreamDecoder(5)
     packet = info_packet()
     frames = end.encode([packet])
@@ -182,7 +192,7 @@ def test_info_travels_by_isotp_with_flow_control(fd: bool) -> None:
 
 
 def test_a_listener_that_never_sends_still_gets_a_long_packet_another_host_asked_for() -> None:
-    end, listener = CanObject(5), CanStreamDecoder(5)
+    end, listener = PatientObject(5), CanStreamDecoder(5)
     traffic = end.encode([info_packet()])
     answer = answers(traffic)
     traffic += answer + end.receive(answer[0])[1]

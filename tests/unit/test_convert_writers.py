@@ -13,6 +13,7 @@ from analysis.formats.errors import WriterError
 from analysis.formats.named_csv import csv_text, endpoints_csv_text
 from analysis.formats.parquet import parquet_bytes
 from tests.scored_trials import scored
+from tests.waiting import HANG_S
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -106,7 +107,7 @@ def test_the_octave_script_agrees(tmp_path, drift_deg):
         "printf('%.17g ', theta, steps, axis);"
     )
     done = subprocess.run(
-        [octave, "--no-gui", "--norc", "--eval", program], capture_output=True, text=True, timeout=60, check=False
+        [octave, "--no-gui", "--norc", "--eval", program], capture_output=True, text=True, timeout=HANG_S, check=False
     )
     assert done.returncode == 0, done.stderr
     assert "are these end points" not in done.stderr

@@ -23,6 +23,7 @@ from tests.simulated_motion import (
     triangle,
     two_humps,
 )
+from tests.waiting import HANG_S, SLOW_S
 
 
 def theta(found: CycleAnalysis) -> float:
@@ -254,15 +255,15 @@ def test_double_deliveries_of_a_moment_change_nothing():
     assert [point.index for point in found.endpoints] == [point.index for point in plain.endpoints]
 
 
-def test_forty_thousand_rows_in_half_a_second():
+def test_the_cost_of_forty_thousand_rows_does_not_grow_with_their_square():
     series = simulate(cycles=32, period_s=5.0, rate_hz=240.0).series
     assert len(series) > 39_000
     find_cycles(series)  # scipy is loaded at the first call
     started = time.process_time()
     assert find_cycles(series).valid
-    assert time.process_time() - started < 0.5
+    assert time.process_time() - started < SLOW_S
 
 
 def test_scipy_is_not_loaded_by_the_import():
     code = "import sys, analysis.cycles.search, analysis.cycles.online.detector; sys.exit('scipy' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=HANG_S).returncode == 0

@@ -13,7 +13,7 @@ from host.doctor.link_check import check_link
 from host.links.can.listing import CanPort
 from host.links.serial.listing import SerialPort
 from host.virtual_object_process import VirtualObjectProcess
-from tests.command_line import quick_scenario, rotdrift
+from tests.command_line import quick_scenario, rotdrift, rotdrift_here
 from tests.faulty_trials import faulty_chunks
 from tests.recorded_trials import scenario, write_recording
 
@@ -148,10 +148,10 @@ def test_the_command_reports_a_live_link_and_its_exit_code(tmp_path):
     assert {"rotdrift", "clock", "disk room", "link", "object", "rate", "jitter", "losses"} <= set(findings)
     assert findings["object"]["verdict"] == findings["link"]["verdict"] == findings["losses"]["verdict"] == "ok"
     assert done.returncode in {0, 1}
-    gone = rotdrift("doctor", virtual.link, "--folder", tmp_path)
+    gone = rotdrift_here("doctor", virtual.link, "--folder", tmp_path)
     assert gone.returncode == 3
     assert "! link" in gone.stdout
-    assert rotdrift("doctor", "--seconds", "0").returncode == 2
+    assert rotdrift_here("doctor", "--seconds", "0").returncode == 2
 
 
 def test_can_interfaces_are_named_and_one_that_is_down_says_how_to_bring_it_up():

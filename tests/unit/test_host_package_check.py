@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import rotdrift
+from tests.waiting import HANG_S
 
 ROOT = Path(rotdrift.__file__).resolve().parent
 
@@ -17,7 +18,12 @@ def start(folder):
     environment = {**os.environ, "PYTHONPATH": str(folder)}
     code = "import sys; from rotdrift import main; sys.exit(main(['--version']))"
     return subprocess.run(
-        [sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-P", "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=HANG_S,
     )
 
 

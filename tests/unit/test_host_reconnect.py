@@ -16,6 +16,7 @@ from host.stream.samples import SampleAssembler
 from host.stream.session import Phase, Session, SessionSettings
 from tests.memory_transport import MemoryTransport
 from tests.recorded_trials import scenario, virtual_chunks
+from tests.waiting import wait_for
 
 MS = 1_000_000
 
@@ -67,8 +68,7 @@ def test_a_pulled_cable_is_a_gap_and_an_empty_chunk():
     bench.there = True
     back_ns = bench.now_ns
     got = []
-    while not got:
-        got = [chunk for chunk in bench.read() if chunk is not None]
+    wait_for(lambda: got, "a chunk", lambda: got.extend(chunk for chunk in bench.read() if chunk is not None))
     assert got[0].data == b""
     assert got[0].host_time_ns - back_ns <= LONGEST_PAUSE_S * 1e9
     assert bench.transport.connected

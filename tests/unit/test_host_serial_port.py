@@ -25,6 +25,7 @@ from host.links import open_transport
 from host.links.serial.errors import translate_io_error, translate_open_error
 from host.links.serial.listing import port_owners
 from host.links.transport import MAX_CHUNK_BYTES
+from tests.waiting import HANG_S, wait_for
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no ptys on Windows")
 
@@ -41,14 +42,12 @@ def pty():
             os.close(descriptor)
 
 
-def read_exactly(transport, n, within_s=5.0):
-    data = b""
-    deadline = time.monotonic() + within_s
-    while len(data) < n and time.monotonic() < deadline:
-        chunk = transport.read(0.1)
-        if chunk is not None:
-            data += chunk.data
-    return data
+def read_exactly(transport, n):
+    chunks = []
+    wait_for(
+        lambda: sum(map(len, chunks)) >= n, f"{n} bytes", lambda: chunks.extend(filter(None, [transport.read(0.1)]))
+    )
+    return b"".join(chunk.data for chunk in chunks)
 
 
 def test_a_pty_delivers_what_was_written_with_the_time_of_reception(pty):
@@ -57,7 +56,7 @@ def test_a_pty_delivers_what_was_written_with_the_time_of_reception(pty):
         assert link.read(0.01) is None
         before = time.monotonic_ns()
         os.write(master, bytes(range(256)))
-        chunk = link.read(1.0)
+        chunk = link.read(HANG_S)
         assert before <= chunk.host_time_ns <= time.monotonic_ns()
         assert chunk.data + read_exactly(link, 256 - len(chunk.data)) == bytes(range(256))
         link.write(b"\x00\x11\x13\x0a\x0d\xff")  # flow control and line ends must pass as they are
@@ -95,6 +94,7 @@ def test_closing_twice_is_harmless_and_reading_afterwards_is_our_error(pty):
 @pytest.fixture
 def server():
     with socket.create_server(("127.0.0.1", 0)) as listening:
+        listening.settimeout(HANG_S)
         yield listening
 
 
@@ -102,11 +102,12 @@ def test_a_socket_is_read_in_large_pieces_although_in_waiting_says_one(server):
     with open_transport(f"serial:socket://127.0.0.1:{server.getsockname()[1]}") as link:
         peer, _ = server.accept()
         with peer:
+            peer.settimeout(HANG_S)
             assert link.read(0.01) is None
             peer.sendall(b"x" * 20000)
             chunks = []
             while sum(map(len, chunks)) < 20000:
-                chunk = link.read(2.0)
+                chunk = link.read(HANG_S)
                 assert chunk is not None
                 assert len(chunk) <= MAX_CHUNK_BYTES
                 chunks.append(chunk)
@@ -114,7 +115,7 @@ def test_a_socket_is_read_in_large_pieces_although_in_waiting_says_one(server):
             link.write(b"hello")
             assert peer.recv(10) == b"hello"
         with pytest.raises(LinkLostError, match="is gone"):
-            link.read(1.0)
+            link.read(HANG_S)
 
 
 def test_a_loop_delivers_through_the_polled_path():
@@ -130,10 +131,11 @@ def test_no_such_port_lists_what_there_is():
 
 
 def test_a_socket_nobody_listens_at_is_one_sentence():
-    with socket.create_server(("127.0.0.1", 0)) as closed:
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))  # and kept, so that nobody else listens there meanwhile
         port = closed.getsockname()[1]
-    with pytest.raises(PortNotFoundError, match=f"nothing answers at socket://127.0.0.1:{port}"):
-        open_transport(f"socket://127.0.0.1:{port}")
+        with pytest.raises(PortNotFoundError, match=f"nothing answers at socket://127.0.0.1:{port}"):
+            open_transport(f"socket://127.0.0.1:{port}")
 
 
 @pytest.mark.parametrize("target", ["socket://127.0.0.1", "socket://127.0.0.1:99999", "socket://:", "foo://x"])
@@ -210,13 +212,10 @@ def test_a_reading_thread_leaves_no_thread_and_no_descriptor_behind(pty):
     reader = ReaderThread(open_transport(name))
     reader.start()
     os.write(master, b"abc")
-    data = b""
-    while len(data) < 3:
-        data += b"".join(chunk.data for chunk in reader.take(1.0))
-    started = time.monotonic()
-    assert reader.stop()
-    assert time.monotonic() - started < 2.0  # it waits 0.05 s; the rest is for a busy machine
-    assert data == b"abc"
+    chunks = []
+    wait_for(lambda: sum(map(len, chunks)) >= 3, "three bytes", lambda: chunks.extend(reader.take(1.0)))
+    assert reader.stop(HANG_S)  # it waits 0.05 s; the rest is for a busy machine
+    assert b"".join(chunk.data for chunk in chunks) == b"abc"
     assert reader.error is None
     assert not [thread for thread in threading.enumerate() if thread.name == "rotdrift-reader"]
     if before is not None:

@@ -12,6 +12,7 @@ import pty
 import termios
 
 from host.screen.terminal import Terminal, TerminalLostError
+from tests.waiting import wait_for
 
 
 @pytest.fixture
@@ -53,9 +54,7 @@ def test_a_terminal_that_takes_nothing_is_not_waited_for(device):
     _, program = device
     terminal = Terminal(program)
     terminal.acquire()
-    taken = -1
-    while taken:
-        taken = terminal.write(b"x" * 10_000)  # nobody reads: its buffer is full soon
+    wait_for(lambda: not terminal.write(b"x" * 10_000), "a full buffer, for nobody reads")
     terminal.release()
 
 

@@ -43,6 +43,7 @@ from firmware_protocol.packets import (
     TimeReply,
     TimeRequest,
 )
+from tests.waiting import HANG_S
 
 CARD = ObjectCard(
     shape=ObjectShape.CYLINDER,
@@ -260,4 +261,7 @@ def test_reading_samples_does_not_load_construct():
     frame = codec.encode_packet(Orientation(1, 2, (1.0, 0.0, 0.0, 0.0)))
     from firmware_protocol.serial.framing import encode_frame
 
-    assert subprocess.run([sys.executable, "-c", code % encode_frame(frame).hex()], check=False).returncode == 0
+    assert (
+        subprocess.run([sys.executable, "-c", code % encode_frame(frame).hex()], check=False, timeout=HANG_S).returncode
+        == 0
+    )

@@ -100,6 +100,8 @@ def test_all_samples_of_a_newer_minor_version_are_read(batch_bytes, rng, monkeyp
 def four_squares(total):
     """Four integers whose squares add up to ``total``, the first two about as large."""
     for w in range(math.isqrt(total // 2), 0, -1):
+        if (total - w * w) % 8 == 7:
+            continue  # no sum of three squares (Legendre)
         for x in range(math.isqrt(total - w * w), -1, -1):
             rest = total - w * w - x * x
             for y in range(math.isqrt(rest), math.isqrt(rest // 2) - 1, -1):

@@ -8,6 +8,7 @@ import pytest
 from analysis.formats import ReaderError, read_series
 from analysis.formats.text_table import plain
 from tests import reader_files as files
+from tests.waiting import SLOW_S
 
 
 def damage(path, line, old, new):
@@ -228,9 +229,9 @@ def test_wrong_units_are_suspected(tmp_path):
     assert any("is the time really in s" in warning for warning in series.warnings)
 
 
-def test_forty_thousand_rows_are_read_fast(tmp_path):
+def test_the_cost_of_forty_thousand_rows_does_not_grow_with_their_square(tmp_path):
     path = tmp_path / "a.csv"
     files.t42(path, quaternion=True, n=40_000)
     start = time.process_time()
     assert len(read_series(path)) == 40_000
-    assert time.process_time() - start < 1.0
+    assert time.process_time() - start < SLOW_S

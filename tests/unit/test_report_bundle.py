@@ -20,6 +20,7 @@ from host.submission.bundle import (
     manifest_text,
     read_bundle,
 )
+from tests.waiting import HANG_S
 
 FILES = {"submission.json": b"{}\n", "trials/a/steps.csv": b"1,2\n" * 50, "trials/a/raw/x.mcap": bytes(range(256)) * 9}
 
@@ -54,7 +55,9 @@ def test_the_manifest_is_understood_by_sha256sum(tmp_path):
         archive.extractall(tmp_path)
     assert f"{hashlib.sha256(b'{}' + bytes([10])).hexdigest()}  submission.json" in manifest_text(FILES)
     try:
-        done = subprocess.run(["sha256sum", "-c", MANIFEST], cwd=tmp_path, capture_output=True, check=False)
+        done = subprocess.run(
+            ["sha256sum", "-c", MANIFEST], cwd=tmp_path, capture_output=True, check=False, timeout=HANG_S
+        )
     except FileNotFoundError:
         pytest.skip("sha256sum is not installed")
     assert done.returncode == 0, done.stderr

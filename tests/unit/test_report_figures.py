@@ -28,6 +28,16 @@ def trial():
     return trial_report(cycles=6, slip_deg=0.0)
 
 
+@pytest.fixture(scope="module")
+def pictures(trial):
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
+    drawn = draw_figures(trial, ("png",))
+    assert dict(mpl.rcParams) == before  # no setting is left behind
+    return drawn
+
+
 def spin(degrees_total, n=2001):
     angle = np.radians(np.linspace(0, degrees_total, n))
     quats = Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0]).as_quat(scalar_first=True)
@@ -47,22 +57,16 @@ def test_every_format_is_drawn_and_the_same_input_gives_the_same_bytes(trial):
             assert len(content) > 4000
 
 
-def test_settings_of_the_user_change_nothing(trial):
+def test_settings_of_the_user_change_nothing(trial, pictures):
     import matplotlib as mpl
 
-    once = draw_figures(trial, ("png",))
     with mpl.rc_context({"axes.grid": True, "savefig.bbox": "tight", "image.cmap": "jet", "lines.markersize": 12}):
-        assert [figure.files for figure in draw_figures(trial, ("png",))] == [figure.files for figure in once]
+        assert [figure.files for figure in draw_figures(trial, ("png",))] == [figure.files for figure in pictures]
 
 
-def test_a_trial_without_positions_has_all_figures_but_translation_and_no_setting_is_left_behind(trial):
-    import matplotlib as mpl
-
-    before = dict(mpl.rcParams)
-    drawn = draw_figures(trial, ("png",))
-    assert dict(mpl.rcParams) == before
-    assert [figure.name for figure in drawn] == [name for name in CAPTIONS if name != "translation_cloud"]
-    assert all(figure.files["png"].startswith(b"\x89PNG") for figure in drawn)
+def test_a_trial_without_positions_has_all_figures_but_translation_and_no_setting_is_left_behind(pictures):
+    assert [figure.name for figure in pictures] == [name for name in CAPTIONS if name != "translation_cloud"]
+    assert all(figure.files["png"].startswith(b"\x89PNG") for figure in pictures)
 
 
 def test_one_page_of_a_trial_and_without_a_score_the_motion_alone():

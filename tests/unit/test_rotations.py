@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from analysis.geometry import averages, rotations
+from tests.waiting import HANG_S
 
 N = 10_000  # more than two blocks
 
@@ -169,4 +170,4 @@ def test_scipy_border_round_trip(pair):
 
 def test_importing_rotations_does_not_import_scipy():
     code = "import sys, analysis.geometry.rotations; sys.exit('scipy' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=HANG_S).returncode == 0

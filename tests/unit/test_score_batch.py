@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from host.results import batch
+from tests.waiting import HANG_S
 
 
 def deadly(path, *_how):
@@ -22,7 +23,7 @@ def endless(path, *_how):
     """Score the first file at once and none of the others ever; Ctrl-C must not reach this process."""
     assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
     if path.name != "first.csv":
-        threading.Event().wait()
+        threading.Event().wait(HANG_S)
     return batch.BatchRow(path, None, None, 0)
 
 

@@ -25,6 +25,7 @@ from host.submission.manifest import submission_json
 from host.submission.source import TrialSource
 from host.submission.verification import verify_files
 from tests.scored_trials import scored
+from tests.waiting import HANG_S
 
 CARDS = """
 [object]
@@ -307,7 +308,7 @@ def test_the_command_makes_the_same_bytes_in_another_folder_zone_locale_and_mask
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2]), **setting},
         umask=0o077,
         capture_output=True,
-        timeout=300,
+        timeout=HANG_S,
         check=False,
     )
     assert done.returncode == 0, done.stderr
