@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from analysis.geometry import rotations
 from analysis.scoring.card import rotation_drift
-from analysis.scoring.diagnostics import drift_companions
+from analysis.scoring.diagnostics import drift_diagnostics
 from analysis.scoring.interval import drift_interval
 
 
@@ -50,14 +50,14 @@ def test_backwards_the_drift_is_as_large(case):
 def test_companions_and_interval_are_finite_and_ordered(case):
     quats, _ = case
     drift = rotation_drift(quats)
-    companions = drift_companions(quats, drift)
-    assert drift.theta_bar_deg <= companions.mean_step_deg * 1.1 + 1e-9
-    assert 0.0 <= companions.axis_share <= 1.0 + 1e-9
-    assert companions.net_rotation_deg <= companions.max_excursion_deg + 1e-9
-    if companions.leave_one_out_deg is not None:
-        low, high = companions.leave_one_out_deg
-        assert low <= min(companions.without_first_deg, companions.without_last_deg)
-        assert high >= max(companions.without_first_deg, companions.without_last_deg)
+    diagnostics = drift_diagnostics(quats, drift)
+    assert drift.theta_bar_deg <= diagnostics.mean_step_deg * 1.1 + 1e-9
+    assert 0.0 <= diagnostics.axis_share <= 1.0 + 1e-9
+    assert diagnostics.net_rotation_deg <= diagnostics.max_excursion_deg + 1e-9
+    if diagnostics.leave_one_out_deg is not None:
+        low, high = diagnostics.leave_one_out_deg
+        assert low <= min(diagnostics.without_first_deg, diagnostics.without_last_deg)
+        assert high >= max(diagnostics.without_first_deg, diagnostics.without_last_deg)
     interval = drift_interval(drift.step_rotations_wxyz)
     assert (interval is None) == (len(quats) < 5)
     if interval is not None:

@@ -122,8 +122,8 @@ def test_offline_every_part_names_the_place_that_it_has_live(change):
     live, trial = Live(chunks), assemble(chunks, "x")
     assert list(trial.segments) == live.trial.assembler.segments
     assert trial.losses == live.trial.assembler.losses()
-    assert [segment["samples"] for segment in trial.clock["segments"]] == [PLACE, N - PLACE]
-    assert len(trial.clock["steps"]) == (0 if change.reason == RESET else 1)
+    assert [segment.samples for segment in trial.clock.segments] == [PLACE, N - PLACE]
+    assert len(trial.clock.steps) == (0 if change.reason == RESET else 1)
     # Of the time axis only the step to the new segment is the host's.
     steps_s = np.diff(trial.series.times_s)
     assert np.delete(steps_s, PLACE - 1) == pytest.approx(np.full(N - 2, 0.01), abs=1e-9)

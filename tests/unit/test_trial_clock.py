@@ -52,7 +52,7 @@ class Wire:
 
     @property
     def segments(self):
-        return self.trial.clock_values()["segments"]
+        return self.trial.clock_values().segments
 
 
 def test_mapping_over_the_wrap():
