@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import copy
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 _UNIT_ROUNDING = 1e-15
 _BLOCK = 8192  # rows worked on at a time
@@ -92,9 +94,9 @@ class OrientationSeries:
     """What the samples were read from, for people."""
     convention: str = "quaternion w,x,y,z, Hamilton, body to world"
     """The convention the samples were read with, for people."""
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
     """What the reader met and did: rate assumed, duplicates dropped, gaps."""
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = ()
     """What makes the data doubtful, e.g. data that contradict the declared convention; go into every result."""
     accelerations_mps2: FloatArray | None = None
     """(n, 3) specific force in the body frame, m/s², where the source has it: shows where up is."""
@@ -127,6 +129,12 @@ class OrientationSeries:
 
     def __len__(self) -> int:
         return len(self.times_s)
+
+    def with_warnings(self, warnings: tuple[str, ...]) -> OrientationSeries:
+        """Return the same samples with further warnings; the arrays are shared and not checked again."""
+        more = copy.copy(self)
+        object.__setattr__(more, "warnings", (*self.warnings, *warnings))
+        return more
 
     @property
     def duration_s(self) -> float:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.cycles.motion import BoolArray, Motion
-from analysis.series import FloatArray
+from analysis.cycles.motion import Motion
+from analysis.series import BoolArray, FloatArray
 
 _BINS_PER_PERIOD = 12
 

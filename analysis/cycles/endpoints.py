@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.cycles.motion import BoolArray
 from analysis.cycles.settings import CycleSettings, Endpoint, LeftOut
 from analysis.cycles.turning_points import TurningPoints, dwell, swings
 from analysis.cycles.usable_samples import Samples
 from analysis.geometry import rotations
-from analysis.series import FloatArray
+from analysis.series import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,13 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from analysis.cycles.usable_samples import Samples
 from analysis.geometry import rotations
 from analysis.series import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
 
 _BLOCK = 32768  # grid points worked on at once: bounds the scratch memory whatever the length
 _SPEED_SIGMA_S = 0.5

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.cycles.motion import BoolArray
-from analysis.series import FloatArray, IntArray
+from analysis.series import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)

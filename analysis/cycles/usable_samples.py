@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from analysis.geometry import averages, rotations
-from analysis.series import FloatArray, IntArray, OrientationSeries
-
-BoolArray = npt.NDArray[np.bool_]
+from analysis.series import BoolArray, FloatArray, IntArray, OrientationSeries
 
 MIN_STEP_S = 1e-4
 """Samples closer than this to the one before are double deliveries of the same moment, s."""

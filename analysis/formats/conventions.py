@@ -30,11 +30,6 @@ _MAX_POINTS = 200_000  # thinned beyond this: the checks are statistics
 def convention_warnings(series: OrientationSeries) -> tuple[str, ...]:
     """Look for contradictions between the data and the convention they were read with.
 
-    Parameters
-    ----------
-    series
-        The recording as read.
-
     Returns
     -------
     One sentence for each contradiction.

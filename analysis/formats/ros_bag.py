@@ -1,8 +1,8 @@
 """ROS 1 bags, ROS 2 bags (folders, MCAP or db3 storage) and single MCAP files; needs the extra ``rotdrift[ros]``.
 
 Read: sensor_msgs/Imu, geometry_msgs/PoseStamped, QuaternionStamped and TransformStamped, nav_msgs/Odometry. ROS
-quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 145). An Imu without an orientation says so by
-−1 in the first element of its covariance.
+quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 145). An Imu without an orientation has −1
+in the first element of its covariance.
 
 Written: a folder with MCAP storage, ``PoseStamped`` where positions are known, else ``QuaternionStamped``, object to
 ``world``.
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from analysis.formats.errors import WriterError
-from analysis.formats.text_table import plain
+from analysis.formats.source import plain
 from analysis.formats.time_stamps import RawSamples
 from analysis.geometry import rotations
 from analysis.series import OrientationSeries, ReaderError
@@ -26,7 +26,9 @@ from analysis.series import OrientationSeries, ReaderError
 ROS1_MAGIC = b"#ROSBAG V2"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 SQLITE_MAGIC = b"SQLite format 3"
-
+TOPIC = "/object/orientation"
+FRAME = "world"
+"""Topic and frame of what is written."""
 
 _LIBRARIES = {"rosbags", "lz4", "backports", "ruamel", "apsw", "bz2", "zlib"}
 _DAMAGE = (
@@ -43,7 +45,7 @@ _DAMAGE = (
     RecursionError,
     struct.error,
 )
-_MEND = "copy it anew, or recover it with an MCAP or ROS tool"
+_REMEDY = "copy it again, or recover it with an MCAP or ROS tool"
 _Pose = tuple[Any, Any | None, Any | None]  # quaternion, position, acceleration
 
 
@@ -82,17 +84,14 @@ TYPES: dict[str, Callable[[Any], _Pose]] = {
 """Message types that carry an orientation, and where."""
 
 
-def is_bag(path: Path, start: bytes) -> bool:
-    """Tell whether a path is a bag or an MCAP file.
+def is_mcap(start: bytes) -> bool:
+    """Return whether a file is MCAP by its first bytes: a recording of this program, or a ROS 2 bag."""
+    return start.startswith(MCAP_MAGIC)
 
-    Parameters
-    ----------
-    path
-        File or folder.
-    start
-        Its first bytes; empty for a folder.
-    """
-    return (path / "metadata.yaml").is_file() or start.startswith((ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC))
+
+def is_bag(path: Path, start: bytes) -> bool:
+    """Return whether a path is a bag or an MCAP file, by the folder's content or the file's first bytes."""
+    return is_mcap(start) or start.startswith((ROS1_MAGIC, SQLITE_MAGIC)) or (path / "metadata.yaml").is_file()
 
 
 def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
@@ -108,7 +107,7 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
     Returns
     -------
     RawSamples
-        Times are those of the message headers; where these are not set, those of reception (said in the notes).
+        Times are those of the message headers; where these are not set, those of reception, which the notes report.
 
     Raises
     ------
@@ -134,13 +133,13 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
         raise
     except AnyReaderError as error:
         what = plain(str(error), 160).rstrip(".")
-        raise ReaderError(f"{plain(path.name, 80)} cannot be read as a bag ({what}): {_MEND}") from error
+        raise ReaderError(f"{plain(path.name, 80)} cannot be read as a bag ({what}): {_REMEDY}") from error
     except Exception as error:
         # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through.
-        said_by_library = type(error).__module__.split(".")[0] in _LIBRARIES
-        if said_by_library or isinstance(error, _DAMAGE):
-            what = f" ({plain(str(error), 160)})" if said_by_library else ""  # Python's own words explain nothing
-            raise ReaderError(f"{plain(path.name, 80)} is damaged or cut off{what}: {_MEND}") from error
+        from_library = type(error).__module__.split(".")[0] in _LIBRARIES
+        if from_library or isinstance(error, _DAMAGE):
+            what = f" ({plain(str(error), 160)})" if from_library else ""  # Python's own text explains nothing
+            raise ReaderError(f"{plain(path.name, 80)} is damaged or cut off{what}: {_REMEDY}") from error
         raise
 
 
@@ -192,14 +191,9 @@ def _collect(messages: Iterator[tuple[int, Any]], pose_of: Callable[[Any], _Pose
         positions_m=np.array(positions, dtype=np.float64) if positions else None,
         accelerations_mps2=np.array(accelerations, dtype=np.float64) if accelerations else None,
         convention=f"ROS {what.split('(')[-1].rstrip(')')}: quaternion x,y,z,w, Hamilton, body to world",
-        source=str(path),
         notes=tuple(notes),
         warnings=tuple(warnings),
     )
-
-
-TOPIC = "/object/orientation"
-FRAME = "world"
 
 
 def write_ros_bag(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:

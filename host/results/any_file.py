@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.formats import read_series
+from analysis.formats import SourceFile, is_mcap, read_series
 from analysis.scoring.choice import EndpointChoice
 from analysis.scoring.result import Result
 from analysis.series import AnalysisError, OrientationSeries, SeriesError
@@ -59,22 +59,20 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
     """
     reading = reading or ReadOptions()
     try:
-        if path.is_file() and is_our_recording(path):
-            return _named(load_trial(path), path)
-        if path.is_file() and can_log_kind(path) is not None:
-            from host.recording.can_logs import load_can_log  # loads python-can
+        with SourceFile(path, label=path.name) as source:
+            if is_mcap(source.head) and is_our_recording(path):
+                trial = load_trial(path)
+            elif can_log_kind(source.head) is not None:
+                from host.recording.can_logs import load_can_log  # loads python-can
 
-            return _named(load_can_log(path, reading.node), path)
-        series = read_series(path, columns=reading.columns, rate_hz=reading.rate_hz, topic=reading.topic)
+                trial = load_can_log(path, reading.node, source.rewound())
+            else:
+                series = read_series(source, columns=reading.columns, rate_hz=reading.rate_hz, topic=reading.topic)
+                return series, None
     except OSError as error:
         raise unreadable(path, error) from error
     except AnalysisError as error:
         raise FileError(str(error)) from error
-    return replace(series, source=path.name), None
-
-
-def _named(trial: RecordedTrial, path: Path) -> tuple[OrientationSeries, RecordedTrial]:
-    trial = replace(trial, series=replace(trial.series, source=path.name))
     return trial.series, trial
 
 
