@@ -11,11 +11,11 @@ from analysis.cycles.endpoints import pose_jumps
 from analysis.cycles.motion import Motion, angular_velocity
 from analysis.cycles.online.peaks import PeakFilter
 from analysis.cycles.period import find_period, vector_autocorrelation
+from analysis.cycles.repetition import irregularity, likeness, rests
 from analysis.cycles.settings import Endpoint
 from analysis.cycles.template import axis_speeds, locked_cycles, template_turning_points
 from analysis.cycles.turning_points import dwell, swings, turning_points, without_short_pairs
 from analysis.cycles.usable_samples import Samples, lone_outliers, sample_noise_rad
-from analysis.cycles.verdict import irregularity, likeness, rests
 from analysis.series import OrientationSeries
 from tests.simulated_motion import from_angular_velocity, from_rotation_vectors, simulate, trapezoid
 
