@@ -28,7 +28,7 @@ class AnalysisError(Exception):
 
 
 class SeriesError(AnalysisError):
-    """An orientation series that cannot be one; the message says which sample and why."""
+    """An orientation series that is not valid; the message names the sample and the reason."""
 
 
 class ReaderError(AnalysisError):
@@ -36,7 +36,7 @@ class ReaderError(AnalysisError):
 
 
 class BaselineError(AnalysisError):
-    """A static baseline that cannot be one; the message says why."""
+    """A static baseline that is not valid; the message names the reason."""
 
 
 @dataclass(frozen=True, eq=False)

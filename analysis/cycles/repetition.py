@@ -13,15 +13,15 @@ _MAX_CYCLES = 2000
 
 
 def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
-    """Median correlation of each cycle's angular velocity with the mean of its six neighbours.
+    """Return the median correlation of each cycle's angular velocity with the mean of its six neighbours.
 
-    Cycles are stretched to one length first, so tempo does not matter; nor does the size of the motion. Neighbours
+    Cycles are scaled to one length first, so tempo does not matter; nor does the size of the motion. Neighbours
     only, because drift slowly turns the motion axis away from where it was.
 
     Parameters
     ----------
     motion
-        Angular velocity of the trial, smoothed to a fortieth of a period or so: noise in ω is no unlikeness.
+        Angular velocity of the trial, smoothed to a fortieth of a period or so: noise in ω must not count.
     endpoint_s
         (n,) times of the end points, n ≥ 3, s.
 
@@ -36,6 +36,7 @@ def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
     at_s = endpoint_s[:cycles, None] + phase * length_s[:, None]
     shape = np.stack([np.interp(at_s, grid_s, motion.omega[:, axis]) for axis in range(3)], axis=-1)
     shape = (shape * length_s[:, None, None]).reshape(cycles, -1)
+    # Sums of neighbours from one cumulative sum: three before to three after, the cycle itself taken off.
     total = np.concatenate((np.zeros((1, shape.shape[1])), np.cumsum(shape, axis=0)))
     row = np.arange(cycles)
     others = total[np.minimum(row + 4, cycles)] - total[np.maximum(row - 3, 0)] - shape
@@ -44,7 +45,7 @@ def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
 
 
 def irregularity(endpoint_s: FloatArray | None, prominence: FloatArray) -> float:
-    """Spread of the distances between end points and of the swings, as a share of their medians.
+    """Return the spread of the distances between end points and of the swings, as a share of their medians.
 
     Each spread is 1.25 times the mean deviation from the median (the standard deviation of normal values), so that
     one slip among few cycles does not count as irregular motion.
@@ -64,7 +65,7 @@ def irregularity(endpoint_s: FloatArray | None, prominence: FloatArray) -> float
 
 
 def rests(motion: Motion, period_s: float) -> tuple[float, float]:
-    """How often per cycle the object rests, and for which share of the time.
+    """Return how often per cycle the object rests, and for which share of the time.
 
     A rest is at least 3 % of a period at less than a tenth of the speed at which the turning is done (the mean of ω²
     weighted by |ω|). A hand that turns an object to and fro rests twice per cycle at most; one that lets go, opens,

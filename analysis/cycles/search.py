@@ -60,7 +60,7 @@ def find_cycles(
     settings
         Numbers of the method; the defaults suit every recording.
     window
-        (from, to) in the time of the series, s: end points whose dwell touches it are taken, all of them, and the
+        (from, to) in the time of the series, s: end points whose dwell touches it count, all of them, and the
         period comes from this part alone. None finds the window: from the first to the last regular cycle.
     like_s
         Times of end points: the extreme that they lie at is the primary one, however many each has.

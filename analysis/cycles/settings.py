@@ -142,7 +142,7 @@ class Endpoint:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A turning point that is no end point, and why."""
+    """A turning point that is not an end point, and why."""
 
     time_s: float
     """Where, s."""

@@ -1,7 +1,7 @@
 """Whether the end points found may be scored, and what to keep in mind: reasons and warnings in plain words.
 
-How similar the cycles are (:mod:`analysis.cycles.repetition`) tells a repeated manipulation from motion that only
-swings.
+How similar the cycles are (:mod:`analysis.cycles.repetition`) separates a repeated manipulation from motion that
+only swings.
 """
 
 from __future__ import annotations

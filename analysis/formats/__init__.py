@@ -1,7 +1,7 @@
 """Files of orientations to :class:`~analysis.series.OrientationSeries`, and back; one module per format.
 
-:func:`read_series` picks the reader from the content of the file, never from its name. Every reader says in the
-series which convention it read with, and what it assumed. :func:`write_series` picks the writer by name; nothing is
+:func:`read_series` picks the reader from the content of the file, never from its name. Every reader notes in
+the series which convention it read with, and what it assumed. :func:`write_series` picks the writer by name; nothing is
 overwritten.
 """
 

@@ -7,8 +7,8 @@
 key         meaning                                                      default
 =========== ============================================================ ==============
 t           column with time                                             none: give the rate
-qw qx qy qz columns of the quaternion, each named, so order is no matter
-e1 e2 e3    columns of the Euler angles, in the order ``euler`` says
+qw qx qy qz columns of the quaternion, each named: in any order
+e1 e2 e3    columns of the Euler angles, in the order of ``euler``
 px py pz    columns of the position                                      none
 ax ay az    columns of the acceleration, body frame                      none
 time        unit of t: s, ms, us, ns                                     s
@@ -178,7 +178,7 @@ def guess_names(header: tuple[str, ...]) -> ColumnSpec | None:
 
     Returns
     -------
-    What the columns mean, or None where the names do not say so beyond doubt.
+    What the columns mean, or None where the names leave a doubt.
     """
     found: dict[str, str] = {}
     units: dict[str, str] = {}
@@ -194,7 +194,7 @@ def guess_names(header: tuple[str, ...]) -> ColumnSpec | None:
             key = "q" + match[1]
         else:
             continue
-        if key in found:  # two candidates: a person has to say which
+        if key in found:  # two candidates: a person has to choose
             return None
         found[key] = name
     if not set(QUATERNION) <= set(found):

@@ -84,7 +84,7 @@ def _first_lines(source: SourceFile) -> list[str]:
     if start and not start.strip():
         raise ReaderError(f"{source.name} has no lines of text: record again, or give another file")
     if any(len(line) > MAX_LINE_BYTES for line in lines[:_HEAD_LINES]) or (start and not lines):
-        raise ReaderError(f"{source.name} has lines of over {MAX_LINE_BYTES} bytes; it is no table of numbers")
+        raise ReaderError(f"{source.name} has lines of over {MAX_LINE_BYTES} bytes; it is not a table of numbers")
     texts = (line.decode("utf-8", "replace") for line in lines)
     return _without_comments([text for text in texts if text.strip(_NOTHING)])[:_HEAD_LINES]
 
@@ -162,7 +162,7 @@ class _DataRows:
 
     def __init__(self, source: SourceFile, layout: Layout) -> None:
         self.cut = False
-        """Whether the last line was left out; known at the end."""
+        """Whether the last line was left out; known after :meth:`load`."""
         self._source = source
         self._layout = layout
         self._width = 0  # columns of the first row; 0 before it
@@ -191,9 +191,9 @@ class _DataRows:
             # Each line stands behind its line end here, so that one search finds blank ones, the first as well.
             whole, _, rest = f"\n{rest}{block}".rpartition("\n")
             lines = _SEPARATORS_ALONE.sub("", whole).split("\n")
-            if max(len(rest), *map(len, lines[:2])) > MAX_LINE_BYTES:  # the others begin and end within the block
+            if max(len(rest), *map(len, lines[:2])) > MAX_LINE_BYTES:  # the others start and end within the block
                 raise ReaderError(
-                    f"{self._source.name} has a line longer than {MAX_LINE_BYTES} bytes; it is no table of numbers"
+                    f"{self._source.name} has a line longer than {MAX_LINE_BYTES} bytes; it is not a table of numbers"
                 )
             yield lines
         if _is_data(rest):

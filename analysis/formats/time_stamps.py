@@ -73,6 +73,8 @@ def to_series(raw: RawSamples, source: str, rate_hz: float | None = None) -> Ori
             notes.append(f"the file has time stamps; the rate given ({rate_hz:g} Hz) was not used")
     intervals = np.diff(times_s)
     backward = intervals < 0.0
+    # Where time goes backwards, any of the rows around may be the wrong one: the fewest are set aside that leave the
+    # rest in order. Where times only repeat, the first of them stays.
     keep = _longest_increasing(times_s) if backward.any() else np.concatenate(([True], intervals > 0.0))[:n]
     lost = int(np.sum(~keep))
     if backward.any():

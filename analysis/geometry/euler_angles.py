@@ -50,7 +50,7 @@ def from_euler(angles_rad: npt.ArrayLike, order: str, *, intrinsic: bool) -> Flo
 
 
 def to_euler_zyx(q: npt.ArrayLike) -> FloatArray:
-    """Intrinsic z-y-x angles (azimuth, elevation, roll); reversed, they are the extrinsic x-y-z angles.
+    """Return intrinsic z-y-x angles (azimuth, elevation, roll); reversed, they are the extrinsic x-y-z angles.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ def _flat(a: FloatArray, shape: tuple[int, ...]) -> FloatArray:
 
 
 def multiply(p: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
-    """Hamilton product p ⊗ q: first q, then p, for body-to-world orientations.
+    """Return the Hamilton product p ⊗ q: first q, then p, for body-to-world orientations.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def _complex_pair(rows: FloatArray) -> tuple[npt.NDArray[np.complex128], npt.NDA
 
 
 def conjugate(q: npt.ArrayLike) -> FloatArray:
-    """q*: the inverse of a unit quaternion.
+    """Return q*, the inverse of a unit quaternion.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def conjugate(q: npt.ArrayLike) -> FloatArray:
 
 
 def difference(later: npt.ArrayLike, earlier: npt.ArrayLike) -> FloatArray:
-    """Left (world-frame) difference r = q_later ⊗ q_earlier⁻¹; card step 2.
+    """Return the left (world-frame) difference r = q_later ⊗ q_earlier⁻¹; card step 2.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def difference(later: npt.ArrayLike, earlier: npt.ArrayLike) -> FloatArray:
 
 
 def angle(q: npt.ArrayLike) -> FloatArray:
-    """Rotation angle 2·atan2(|v|, |w|) in rad, in [0, π].
+    """Return the rotation angle 2·atan2(|v|, |w|) in rad, in [0, π].
 
     acos(|w|) would be 0 below 1e-6 degrees; this keeps full relative precision at every angle.
 
@@ -155,7 +155,7 @@ def angle(q: npt.ArrayLike) -> FloatArray:
 
 
 def distance(p: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
-    """Angle of the rotation between two orientations, rad, in [0, π].
+    """Return the angle of the rotation between two orientations, rad, in [0, π].
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def distance(p: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
 
 
 def log(q: npt.ArrayLike) -> FloatArray:
-    """Rotation vector (axis times angle) of q, by the shorter way round.
+    """Return the rotation vector (axis times angle) of q, by the shorter way round.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def exp(rotvec: npt.ArrayLike) -> FloatArray:
 
 
 def rotate(q: npt.ArrayLike, vector: npt.ArrayLike) -> FloatArray:
-    """v_W = q v_B q*: body coordinates to world coordinates.
+    """Return v_W = q v_B q*: body coordinates to world coordinates.
 
     Parameters
     ----------
@@ -267,12 +267,12 @@ def continuous_signs(quats_wxyz: npt.ArrayLike) -> FloatArray:
 
 
 def row_lengths(vectors: FloatArray) -> FloatArray:
-    """Lengths (n,) of n vectors (n, k): numpy's own norm takes several times as long over short rows."""
+    """Return lengths (n,) of n vectors (n, k): numpy's own norm takes several times as long over short rows."""
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
 def slerp(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLike) -> FloatArray:
-    """Orientation a fraction of the shorter way from ``start`` to ``end``, at constant rate of turn.
+    """Return the orientation a fraction of the shorter way from ``start`` to ``end``, at constant rate of turn.
 
     Parameters
     ----------
@@ -290,7 +290,7 @@ def slerp(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLike) -> 
 
 
 def to_xyzw(q_wxyz: npt.ArrayLike) -> FloatArray:
-    """Scalar first to scalar last, for scipy and for file formats.
+    """Return scalar first as scalar last, for scipy and for file formats.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def to_xyzw(q_wxyz: npt.ArrayLike) -> FloatArray:
 
 
 def from_xyzw(q_xyzw: npt.ArrayLike) -> FloatArray:
-    """Scalar last, as scipy and many file formats have it, to scalar first.
+    """Return scalar last, as scipy and many file formats have it, as scalar first.
 
     Parameters
     ----------

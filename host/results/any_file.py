@@ -23,13 +23,13 @@ class ReadOptions:
     """How to read a file that is not one of our recordings."""
 
     columns: str | None = None
-    """Meaning of the columns, as ``--columns`` takes it."""
+    """Meaning of the columns, as in ``--columns``."""
     rate_hz: float | None = None
     """Sampling rate where there are no time stamps."""
     topic: str | None = None
     """Which topic of a bag."""
     node: int | None = None
-    """Node id of the object in the log of a CAN tool; None takes the first that is heard."""
+    """Node id of the object in the log of a CAN tool; None for the first that is heard."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class ScoredRecording:
     series: OrientationSeries
     """The samples."""
     result: Result
-    """The score, with the path of the file left out: the same file anywhere gives the same result."""
+    """The score, with the path of the file left out: the same file anywhere has the same result."""
     info: Info | None = None
     """The object as it introduced itself; None for other people's files."""
 
@@ -50,12 +50,12 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
     Returns
     -------
     series, trial
-        The samples, their source being the bare name of the file; and for our own recordings what else they say.
+        The samples, their source being the bare name of the file; and for our own recordings what else they hold.
 
     Raises
     ------
     FileError
-        There is no such file, or it is nothing known.
+        There is no such file, or its format is not known.
     """
     reading = reading or ReadOptions()
     try:

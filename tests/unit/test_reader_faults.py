@@ -140,7 +140,7 @@ def test_other_columns_may_hold_anything(tmp_path):
         (b"#ROSBAG V2.0\nnonsense", "a\\.csv"),
         (b"\xff" * 300, "is not a file known here"),
         (b"\x1b[31mred\x07,1\n", r"starts with '\?\[31mred\?,1'"),
-        (b"a" * 1_000_000, "no table of numbers"),
+        (b"a" * 1_000_000, "not a table of numbers"),
         (b",".join(b"c%d" % k for k in range(5000)) + b"\n", "5000 columns"),
         (b",ts,tx,ty,tz,rx,ry,rz\n" + b"0,1,0,0,0,0,0,0\n" * 50 + b"9" * 200_000 + b"\n", "line longer than"),
     ],

@@ -40,7 +40,7 @@ class OnlineCycleDetector:
     """Find end points sample by sample.
 
     Samples become moments (:mod:`.moments`), these an angle about the motion axis (:mod:`.angle`), whose turning points
-    (:mod:`.turning`) are placed in the middle of their dwell (:mod:`.dwell`); what they say of swing and period
+    (:mod:`.turning`) are placed in the middle of their dwell (:mod:`.dwell`); what they show of swing and period
     (:mod:`.known`) decides how far back the angle must go next time.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What the end points found so far say of the cycles: swing, period, which extreme is scored, what is odd."""
+"""What the end points found so far show of the cycles: swing, period, which extreme is scored, what is odd."""
 
 from __future__ import annotations
 
@@ -134,8 +134,8 @@ class KnownCycles:
             spacing_s = endpoint.time_s - previous_s
             if period_s and not settings.spacing[0] <= spacing_s / period_s <= settings.spacing[1]:
                 endpoint = replace(endpoint, flags=(*endpoint.flags, "odd spacing"))
-            # Where the kinds differ in peaks per cycle, one of them still takes peaks for cycles: only the primary
-            # one then says how long a cycle is. A pause says nothing of it.
+            # Where the kinds differ in peaks per cycle, one of them still counts peaks as cycles: then only the
+            # primary one shows how long a cycle is. A pause does not.
             same = self.kinds[0].peaks.per_cycle == self.kinds[1].peaks.per_cycle
             if (same or upper == self.primary) and (not period_s or spacing_s <= settings.pause * period_s):
                 self._spacings_s.append(spacing_s)
