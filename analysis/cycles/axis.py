@@ -44,13 +44,13 @@ def motion_axis(
 
     Parameters
     ----------
-    motion
+    motion : Motion
         m grid intervals; must not be empty.
-    period_s
+    period_s : float
         Length of one cycle, s.
-    sigma_periods
+    sigma_periods : float
         Standard deviation of the window in periods.
-    smooth_s
+    smooth_s : float, optional
         Further smoothing of ω for the axis (not for the angle), s: where noise would blur it.
     """
     from scipy import ndimage  # slow to import

@@ -42,19 +42,19 @@ def measure(
 
     Parameters
     ----------
-    samples
+    samples : Samples
         Where orientations come from.
-    motion
+    motion : Motion
         The grid.
-    turning
+    turning : AxisAngle
         Rotation about the motion axis, on it.
-    found
+    found : TurningPoints
         Turning points of both kinds.
-    period_s
+    period_s : float
         Length of a cycle, s.
-    settings
+    settings : CycleSettings
         Depth of the dwell, width of the average, largest gap.
-    upper
+    upper : bool
         Which kind.
     """
     angle, start_s, step_s = turning.angle_rad, motion.start_s, 1.0 / motion.rate_hz
@@ -112,15 +112,15 @@ def gate_ends(
 
     Parameters
     ----------
-    extremes
+    extremes : Extremes
         All extremes of one kind.
-    run
+    run : slice
         Which of them.
-    period_s
+    period_s : float
         Length of a cycle, s.
-    settings
+    settings : CycleSettings
         What is regular.
-    any_tempo
+    any_tempo : bool, optional
         Tempo changes so much that the length of a cycle is judged by that of the next one.
 
     Returns
@@ -196,7 +196,7 @@ def pose_jumps(quats: FloatArray) -> BoolArray:
 
     Parameters
     ----------
-    quats
+    quats : array of float
         (k, 4) orientations at the end points.
 
     Returns

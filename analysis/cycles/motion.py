@@ -97,13 +97,13 @@ def angular_velocity(samples: Samples, *, rate_hz: float, sigma_s: float, moving
 
     Parameters
     ----------
-    samples
+    samples : Samples
         Evenly spaced or not.
-    rate_hz
+    rate_hz : float
         Grid points per second.
-    sigma_s
+    sigma_s : float
         Standard deviation of the Gaussian, s.
-    moving_share
+    moving_share : float
         What counts as moving, see :meth:`Motion.with_moving_share`.
 
     Returns

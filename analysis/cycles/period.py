@@ -34,9 +34,9 @@ def vector_autocorrelation(omega: FloatArray, max_lag: int) -> FloatArray:
 
     Parameters
     ----------
-    omega
+    omega : array of float
         (m, 3).
-    max_lag
+    max_lag : int
         Largest lag wanted, below m.
 
     Returns
@@ -68,13 +68,13 @@ def find_period(
 
     Parameters
     ----------
-    omega
+    omega : array of float
         (m, 3) angular velocity while the object moves, rad/s.
-    rate_hz
+    rate_hz : float
         Its rate.
-    min_period_s, max_period_s
+    min_period_s, max_period_s : float
         Range searched; the upper end is also bounded by half the length.
-    peak_share
+    peak_share : float
         How near: a peak counts from this share of the largest.
 
     Returns
@@ -111,11 +111,11 @@ def search_period(motion: Motion, samples: Samples, settings: CycleSettings) -> 
 
     Parameters
     ----------
-    motion
+    motion : Motion
         The part in which the object moves.
-    samples
+    samples : Samples
         What it was made of: its noise.
-    settings
+    settings : CycleSettings
         Ranges, smoothing, limits.
 
     Returns

@@ -20,9 +20,9 @@ def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
 
     Parameters
     ----------
-    motion
+    motion : Motion
         Angular velocity of the trial, smoothed to a fortieth of a period or so: noise in ω must not count.
-    endpoint_s
+    endpoint_s : array of float
         (n,) times of the end points, n ≥ 3, s.
 
     Returns
@@ -52,9 +52,9 @@ def irregularity(endpoint_s: FloatArray | None, prominence: FloatArray) -> float
 
     Parameters
     ----------
-    endpoint_s
+    endpoint_s : array of float or None
         (n,) times of the end points, n ≥ 3, s; None where any tempo will do.
-    prominence
+    prominence : array of float
         (n,) swing of each, any unit.
     """
     total = 0.0
@@ -73,9 +73,9 @@ def rests(motion: Motion, period_s: float) -> tuple[float, float]:
 
     Parameters
     ----------
-    motion
+    motion : Motion
         Angular velocity between the first and the last end point.
-    period_s
+    period_s : float
         Length of a cycle, s.
     """
     speed = row_lengths(motion.omega)

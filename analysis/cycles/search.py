@@ -55,14 +55,14 @@ def find_cycles(
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         The recording.
-    settings
+    settings : CycleSettings, optional
         Numbers of the method; the defaults suit every recording.
-    window
+    window : tuple of float, optional
         (from, to) in the time of the series, s: end points whose dwell touches it count, all of them, and the
         period comes from this part alone. None finds the window: from the first to the last regular cycle.
-    like_s
+    like_s : sequence of float, optional
         Times of end points: the extreme that they lie at is the primary one, however many each has.
 
     Returns

@@ -23,11 +23,11 @@ def axis_speeds(motion: Motion, angle: FloatArray, speed_limit: float) -> FloatA
 
     Parameters
     ----------
-    motion
+    motion : Motion
         m grid intervals.
-    angle
+    angle : array of float
         (m + 1,) angle about the motion axis, rad.
-    speed_limit
+    speed_limit : float
         Faster strokes are cut to this many times the usual speed (:meth:`Motion.limited`).
 
     Returns
@@ -48,9 +48,9 @@ def locked_cycles(speeds: FloatArray, period: int) -> IntArray:
 
     Parameters
     ----------
-    speeds
+    speeds : array of float
         (m, 2) what is compared, from :func:`axis_speeds`.
-    period
+    period : int
         Grid intervals per cycle, at most m / 2.
 
     Returns
@@ -100,11 +100,11 @@ def template_turning_points(angle: FloatArray, starts: IntArray, period: int) ->
 
     Parameters
     ----------
-    angle
+    angle : array of float
         (m + 1,) rotation about the motion axis at the grid points.
-    starts
+    starts : array of int
         (c,) starts of the cycles, grid points.
-    period
+    period : int
         Grid intervals per cycle.
     """
     whole = starts[(starts >= 0) & (starts + period < len(angle))]

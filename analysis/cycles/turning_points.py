@@ -33,9 +33,9 @@ def turning_points(angle: FloatArray, hysteresis: float) -> TurningPoints:
 
     Parameters
     ----------
-    angle
+    angle : array of float
         (m,) any unit.
-    hysteresis
+    hysteresis : float
         Same unit; above 0.
     """
     slope = np.sign(np.diff(angle))
@@ -74,11 +74,11 @@ def without_short_pairs(found: TurningPoints, angle: FloatArray, min_spacing: fl
 
     Parameters
     ----------
-    found
+    found : TurningPoints
         Alternating extremes.
-    angle
+    angle : array of float
         (m,) what they were found in.
-    min_spacing
+    min_spacing : float
         Grid points between two extremes of one kind.
     """
     points, upper = found.points.tolist(), found.upper.tolist()
@@ -121,13 +121,13 @@ def dwell(angle: FloatArray, point: int, first: int, last: int, depth: float) ->
 
     Parameters
     ----------
-    angle
+    angle : array of float
         (m,) any unit.
-    point
+    point : int
         The extreme.
-    first, last
+    first, last : int
         Bounds of the search: the neighbouring extremes.
-    depth
+    depth : float
         Same unit as ``angle``.
 
     Returns

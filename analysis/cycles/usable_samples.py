@@ -124,7 +124,7 @@ def lone_outliers(quats_wxyz: FloatArray) -> IntArray:
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array of float
         (n, 4) unit.
 
     Returns
@@ -156,7 +156,7 @@ def sample_noise_rad(quats_wxyz: FloatArray) -> float:
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array of float
         (n, 4) unit; evenly picked triples where there are very many.
 
     Returns

@@ -57,13 +57,15 @@ def with_verdict(
 
     Parameters
     ----------
-    result
+    result : CycleAnalysis
         With end points.
-    motion, turning
+    motion : Motion
         What they were found in.
-    samples
+    turning : AxisAngle
+        The rotation about its axis.
+    samples : Samples
         What they were measured from.
-    period
+    period : Period
         From the autocorrelation.
     """
     settings, points = result.settings, result.endpoints

@@ -67,13 +67,13 @@ def read_series(
 
     Parameters
     ----------
-    source
+    source : Path or str or SourceFile
         File, or folder of a ROS 2 bag; one that is open already is not opened again.
-    columns
+    columns : str or ColumnSpec, optional
         What the columns of a CSV or parquet file mean (:mod:`analysis.formats.columns`); None to recognise them.
-    rate_hz
+    rate_hz : float, optional
         Sampling rate where the file has no time stamps.
-    topic
+    topic : str, optional
         Which topic of a bag, or which station of a Polhemus tracker's file.
 
     Raises
@@ -130,13 +130,13 @@ def write_series(
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         What to write.
-    path
+    path : Path
         Where; must not exist.
-    kind
+    kind : str
         One of ``FORMATS``.
-    result
+    result : dict, optional
         Its score as JSON values, for the formats that hold end points.
 
     Returns

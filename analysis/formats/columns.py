@@ -112,7 +112,7 @@ def parse_columns(text: str) -> ColumnSpec:
 
     Parameters
     ----------
-    text
+    text : str
         ``key=value`` pairs with commas between; the keys are those of this module's table.
 
     Raises
@@ -210,11 +210,11 @@ def column_numbers(spec: ColumnSpec, header: Sequence[str], width: int) -> tuple
 
     Parameters
     ----------
-    spec
+    spec : ColumnSpec
         The declaration.
-    header
+    header : sequence of str
         Column names; empty where the file has no header.
-    width
+    width : int
         Number of columns.
 
     Returns
@@ -253,9 +253,9 @@ def orientations(spec: ColumnSpec, values: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    spec
+    spec : ColumnSpec
         The declaration.
-    values
+    values : array of float
         (n, 4) w, x, y, z or (n, 3) Euler angles, as in the file.
 
     Returns
@@ -276,9 +276,9 @@ def samples_of(table: FloatArray, spec: ColumnSpec) -> RawSamples:
 
     Parameters
     ----------
-    table
+    table : array of float
         (n, k) values in the order of ``spec.keys``.
-    spec
+    spec : ColumnSpec
         What they mean.
     """
     place = {key: number for number, key in enumerate(spec.keys)}

@@ -138,9 +138,9 @@ def read_ndx(table: TextTable, station: str | None = None) -> RawSamples:
 
     Parameters
     ----------
-    table
+    table : TextTable
         The file.
-    station
+    station : str, optional
         Which station, where the tracker followed several; None for the one that turns most, which a warning reports.
 
     Returns

@@ -62,7 +62,7 @@ def endpoints_csv_text(result: dict[str, Any]) -> str:
 
     Parameters
     ----------
-    result
+    result : dict
         A score as JSON values.
     """
     buffer = io.StringIO()

@@ -32,9 +32,9 @@ def read_parquet(source: SourceFile, spec: ColumnSpec | None) -> RawSamples:
 
     Parameters
     ----------
-    source
+    source : SourceFile
         The file.
-    spec
+    spec : ColumnSpec or None
         What the columns mean; None to go by their names.
 
     Raises
@@ -80,7 +80,7 @@ def parquet_bytes(series: OrientationSeries) -> bytes:
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         What to write; columns as in the CSV, int64 and float64.
 
     Raises

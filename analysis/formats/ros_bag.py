@@ -99,9 +99,9 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
 
     Parameters
     ----------
-    path
+    path : Path
         Bag file, bag folder or MCAP file.
-    topic
+    topic : str, optional
         Which topic; needed where several carry orientations.
 
     Returns

@@ -18,9 +18,9 @@ def plain(text: str, limit: int = 40) -> str:
 
     Parameters
     ----------
-    text
+    text : str
         Anything.
-    limit
+    limit : int, optional
         Characters kept.
 
     Returns
@@ -39,9 +39,9 @@ class SourceFile:
 
     Parameters
     ----------
-    path
+    path : Path
         Where it is.
-    label
+    label : str, optional
         What a series read from it is called; the path by default.
 
     Raises

@@ -123,9 +123,9 @@ def read_table(source: SourceFile, layout: Layout) -> tuple[FloatArray, tuple[st
 
     Parameters
     ----------
-    source
+    source : SourceFile
         The file.
-    layout
+    layout : Layout
         Where the numbers are.
 
     Returns

@@ -43,11 +43,11 @@ def to_series(raw: RawSamples, source: str, rate_hz: float | None = None) -> Ori
 
     Parameters
     ----------
-    raw
+    raw : RawSamples
         What the reader found.
-    source
+    source : str
         What it was read from, for people.
-    rate_hz
+    rate_hz : float, optional
         Sampling rate; needed where the file has no time stamps, not allowed to contradict them.
 
     Returns

@@ -17,9 +17,9 @@ def average(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> 
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array_like
         (n, 4) unit, n ≥ 1; signs do not matter.
-    weights
+    weights : array_like, optional
         (n,) ≥ 0, default all 1.
 
     Returns
@@ -42,9 +42,9 @@ def average_and_share(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike | None =
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array_like
         (n, 4) unit, n ≥ 1; signs do not matter.
-    weights
+    weights : array_like, optional
         (n,) ≥ 0, default all 1.
 
     Returns
@@ -77,9 +77,9 @@ def average_each(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike) -> FloatArra
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array_like
         (k, m, 4) unit; groups of fewer than m are filled up with anything of weight 0, behind the first.
-    weights
+    weights : array_like
         (k, m) ≥ 0.
 
     Returns

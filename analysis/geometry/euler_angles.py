@@ -19,11 +19,11 @@ def from_euler(angles_rad: npt.ArrayLike, order: str, *, intrinsic: bool) -> Flo
 
     Parameters
     ----------
-    angles_rad
+    angles_rad : array_like
         (..., 3) rad, in the order of ``order``.
-    order
+    order : str
         Three of x, y, z, e.g. ``"zyx"``; neighbours differ.
-    intrinsic
+    intrinsic : bool
         True: about the axes of the turning body (written Z-Y'-X''); false: about the fixed axes.
 
     Returns
@@ -54,7 +54,7 @@ def to_euler_zyx(q: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    q
+    q : array_like
         (..., 4) unit, scalar first.
 
     Returns

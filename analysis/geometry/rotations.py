@@ -59,7 +59,7 @@ def multiply(p: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    p, q
+    p, q : array_like
         (..., 4) scalar first; broadcast against each other.
 
     Returns
@@ -89,7 +89,7 @@ def conjugate(q: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    q
+    q : array_like
         (..., 4) scalar first.
 
     Returns
@@ -114,7 +114,7 @@ def difference(later: npt.ArrayLike, earlier: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    later, earlier
+    later, earlier : array_like
         (..., 4) unit, scalar first.
 
     Returns
@@ -131,7 +131,7 @@ def angle(q: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    q
+    q : array_like
         (..., 4) scalar first; the norm cancels.
 
     Returns
@@ -159,7 +159,7 @@ def distance(p: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    p, q
+    p, q : array_like
         (..., 4) unit, scalar first.
 
     Returns
@@ -174,7 +174,7 @@ def log(q: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    q
+    q : array_like
         (..., 4) unit, scalar first; q and −q give the same vector (at exactly π either sign of the axis is right).
 
     Returns
@@ -204,7 +204,7 @@ def exp(rotvec: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    rotvec
+    rotvec : array_like
         (..., 3) axis times angle, rad; any length.
 
     Returns
@@ -231,9 +231,9 @@ def rotate(q: npt.ArrayLike, vector: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    q
+    q : array_like
         (..., 4) unit, scalar first.
-    vector
+    vector : array_like
         (..., 3); broadcast against ``q``.
 
     Returns
@@ -251,7 +251,7 @@ def continuous_signs(quats_wxyz: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array_like
         (n, 4) in time order.
 
     Returns
@@ -276,9 +276,9 @@ def slerp(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLike) -> 
 
     Parameters
     ----------
-    start, end
+    start, end : array_like
         (..., 4) unit, scalar first.
-    fraction
+    fraction : array_like
         (...) 0 gives ``start``, 1 gives ``end``.
 
     Returns
@@ -294,7 +294,7 @@ def to_xyzw(q_wxyz: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    q_wxyz
+    q_wxyz : array_like
         (..., 4) scalar first.
 
     Returns
@@ -309,7 +309,7 @@ def from_xyzw(q_xyzw: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    q_xyzw
+    q_xyzw : array_like
         (..., 4) scalar last.
 
     Returns

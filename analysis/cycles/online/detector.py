@@ -45,7 +45,7 @@ class OnlineCycleDetector:
 
     Parameters
     ----------
-    settings
+    settings : CycleSettings, optional
         The offline settings; depth of the dwell, regular spacing and swing are taken from it.
     """
 
@@ -76,11 +76,11 @@ class OnlineCycleDetector:
 
         Parameters
         ----------
-        times_s
+        times_s : array_like
             (n,) s. A sample that is not later than the one before, or not a number, is passed over.
-        quats_wxyz
+        quats_wxyz : array_like
             (n, 4) unit, scalar first, body to world.
-        index
+        index : iterable of int, optional
             (n,) how the samples are named; default: counted from 0.
 
         Returns

@@ -29,15 +29,15 @@ def place_endpoint(
 
     Parameters
     ----------
-    points
+    points : sequence of AnglePoint
         From the turning point before (or from where memory starts) to now; at least two.
-    extreme
+    extreme : AnglePoint
         The one among them.
-    usual_rad
+    usual_rad : float
         Usual swing, rad.
-    period_s
+    period_s : float
         Length of a cycle, s; 0 where unknown: then twice the time it took to come here.
-    settings
+    settings : CycleSettings
         Depth of the dwell, width of the average, largest gap.
 
     Returns

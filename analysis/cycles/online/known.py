@@ -39,7 +39,7 @@ class KnownCycles:
 
     Parameters
     ----------
-    settings
+    settings : CycleSettings
         Regular spacing and swing are taken from it.
     """
 
@@ -78,13 +78,13 @@ class KnownCycles:
 
         Parameters
         ----------
-        endpoint
+        endpoint : Endpoint
             The extreme.
-        angle_rad
+        angle_rad : float
             Angle about the motion axis there, rad.
-        travel_rad
+        travel_rad : float
             Way to it from the extreme before, rad.
-        upper
+        upper : int
             Its kind.
 
         Returns

@@ -27,7 +27,7 @@ class PeakFilter:
 
     Parameters
     ----------
-    sign
+    sign : float
         1 for upper extremes, −1 for lower ones.
     """
 
@@ -43,11 +43,11 @@ class PeakFilter:
 
         Parameters
         ----------
-        endpoint
+        endpoint : Endpoint
             The extreme.
-        angle_rad
+        angle_rad : float
             Angle about the motion axis there, rad.
-        swing_rad
+        swing_rad : float
             Usual swing, rad.
 
         Returns

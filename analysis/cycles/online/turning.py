@@ -19,7 +19,7 @@ class TurningFinder:
 
     Parameters
     ----------
-    start
+    start : AnglePoint
         The first point.
     """
 
@@ -34,9 +34,9 @@ class TurningFinder:
 
         Parameters
         ----------
-        now
+        now : AnglePoint
             The point.
-        went_back
+        went_back : callable
             Whether from the first point, an extreme so far, to the second, which is now, is far enough.
 
         Returns
