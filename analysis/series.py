@@ -114,10 +114,9 @@ class OrientationSeries:
             raise SeriesError(
                 f"times {times_s.shape}, quaternions {quats.shape} and index {index.shape} do not fit together"
             )
-        if self.positions_m is not None and np.shape(self.positions_m) != (n, 3):
-            raise SeriesError(f"positions {np.shape(self.positions_m)} do not fit {n} samples")
-        if self.accelerations_mps2 is not None and np.shape(self.accelerations_mps2) != (n, 3):
-            raise SeriesError(f"accelerations {np.shape(self.accelerations_mps2)} do not fit {n} samples")
+        for what, vectors in (("positions", self.positions_m), ("accelerations", self.accelerations_mps2)):
+            if vectors is not None and np.shape(vectors) != (n, 3):
+                raise SeriesError(f"{what} {np.shape(vectors)} do not fit {n} samples")
         if not np.isfinite(times_s).all():
             raise SeriesError(f"the time of sample {int(np.argmin(np.isfinite(times_s)))} is not a number")
         if not (times_s[1:] > times_s[:-1]).all():

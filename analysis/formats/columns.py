@@ -226,7 +226,7 @@ def column_numbers(spec: ColumnSpec, header: Sequence[str], width: int) -> tuple
     ReaderError
         No such column, or two of the same name.
     """
-    found = []
+    found, columns = [], list(header)
     for key in spec.keys:
         name = spec.names[key]
         if name.startswith("#") and name[1:].isdigit() and name not in header:
@@ -235,10 +235,10 @@ def column_numbers(spec: ColumnSpec, header: Sequence[str], width: int) -> tuple
                     f"--columns: {key}={plain(name)}, but the file has {width} columns, #0 to #{width - 1}"
                 )
             found.append(int(name[1:]))
-        elif list(header).count(name) > 1:
+        elif columns.count(name) > 1:
             raise ReaderError(f"--columns: two columns are called '{plain(name)}'; name it by number, like #3")
-        elif name in header:
-            found.append(list(header).index(name))
+        elif name in columns:
+            found.append(columns.index(name))
         else:
             there = ", ".join(plain(column) for column in header[:20]) or "no header; name columns by number, like #3"
             raise ReaderError(f"--columns: no column '{plain(name)}' for {key}; the file has {there}")

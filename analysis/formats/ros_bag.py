@@ -11,7 +11,8 @@ Written: a folder with MCAP storage, ``PoseStamped`` where positions are known, 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -46,42 +47,15 @@ _DAMAGE = (
     struct.error,
 )
 _REMEDY = "copy it again, or recover it with an MCAP or ROS tool"
-_Pose = tuple[Any, Any | None, Any | None]  # quaternion, position, acceleration
-
-
-def _imu(message: Any) -> _Pose:  # noqa: ANN401  (generated classes of rosbags)
-    if message.orientation_covariance[0] == -1.0:
-        raise ReaderError(
-            "the sensor gives no orientation, as its orientation_covariance says; run an orientation filter, such as "
-            "imu_filter_madgwick, and record its topic"
-        )
-    return message.orientation, None, message.linear_acceleration
-
-
-def _pose(message: Any) -> _Pose:  # noqa: ANN401
-    return message.pose.orientation, message.pose.position, None
-
-
-def _quaternion(message: Any) -> _Pose:  # noqa: ANN401
-    return message.quaternion, None, None
-
-
-def _odometry(message: Any) -> _Pose:  # noqa: ANN401
-    return message.pose.pose.orientation, message.pose.pose.position, None
-
-
-def _transform(message: Any) -> _Pose:  # noqa: ANN401
-    return message.transform.rotation, message.transform.translation, None
-
-
-TYPES: dict[str, Callable[[Any], _Pose]] = {
-    "sensor_msgs/msg/Imu": _imu,
-    "geometry_msgs/msg/PoseStamped": _pose,
-    "geometry_msgs/msg/QuaternionStamped": _quaternion,
-    "geometry_msgs/msg/TransformStamped": _transform,
-    "nav_msgs/msg/Odometry": _odometry,
+_parts = attrgetter("x", "y", "z")
+TYPES = {
+    "sensor_msgs/msg/Imu": ("orientation", "", "linear_acceleration"),
+    "geometry_msgs/msg/PoseStamped": ("pose.orientation", "pose.position", ""),
+    "geometry_msgs/msg/QuaternionStamped": ("quaternion", "", ""),
+    "geometry_msgs/msg/TransformStamped": ("transform.rotation", "transform.translation", ""),
+    "nav_msgs/msg/Odometry": ("pose.pose.orientation", "pose.pose.position", ""),
 }
-"""Message types that carry an orientation, and where."""
+"""Message types that carry an orientation -> where it, the position and the acceleration stand in them."""
 
 
 def is_mcap(start: bytes) -> bool:
@@ -128,7 +102,7 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
                 (stamp_ns, reader.deserialize(data, connection.msgtype))
                 for connection, stamp_ns, data in reader.messages(connections=connections)
             )
-            return _collect(messages, TYPES[kind], path, f"{name} ({kind})")
+            return _collect(messages, kind, path, f"{name} ({kind})")
     except ReaderError:
         raise
     except AnyReaderError as error:
@@ -160,20 +134,27 @@ def _choose(topics: dict[str, str | None], topic: str | None, path: Path) -> tup
     return name, str(kind)
 
 
-def _collect(messages: Iterator[tuple[int, Any]], pose_of: Callable[[Any], _Pose], path: Path, what: str) -> RawSamples:
+def _collect(messages: Iterator[tuple[int, Any]], kind: str, path: Path, what: str) -> RawSamples:
     times, received, quats, positions, accelerations = [], [], [], [], []
     frames: set[tuple[str, str]] = set()
+    orientation_of, position_of, acceleration_of = (attrgetter(field) if field else None for field in TYPES[kind])
+    assert orientation_of is not None
     for stamp_ns, message in messages:
-        quat, position, acceleration = pose_of(message)
+        if getattr(message, "orientation_covariance", (0.0,))[0] == -1.0:
+            raise ReaderError(
+                "the sensor gives no orientation, as its orientation_covariance says; run an orientation filter, such "
+                "as imu_filter_madgwick, and record its topic"
+            )
+        quat = orientation_of(message)
         header = message.header.stamp
         # Whole seconds since the epoch keep 0.2 us in a double; that is enough for cycles of seconds.
         times.append(header.sec + header.nanosec * 1e-9)
         received.append(stamp_ns * 1e-9)
         quats.append((quat.w, quat.x, quat.y, quat.z))
-        if position is not None:
-            positions.append((position.x, position.y, position.z))
-        if acceleration is not None:
-            accelerations.append((acceleration.x, acceleration.y, acceleration.z))
+        if position_of is not None:
+            positions.append(_parts(position_of(message)))
+        if acceleration_of is not None:
+            accelerations.append(_parts(acceleration_of(message)))
         frames.add((str(message.header.frame_id), str(getattr(message, "child_frame_id", ""))))
     if not quats:
         raise ReaderError(f"topic {plain(what, 80)} of {plain(path.name, 80)} has no messages")
@@ -190,7 +171,7 @@ def _collect(messages: Iterator[tuple[int, Any]], pose_of: Callable[[Any], _Pose
         times_s=times_s,
         positions_m=np.array(positions, dtype=np.float64) if positions else None,
         accelerations_mps2=np.array(accelerations, dtype=np.float64) if accelerations else None,
-        convention=f"ROS {what.split('(')[-1].rstrip(')')}: quaternion x,y,z,w, Hamilton, body to world",
+        convention=f"ROS {kind}: quaternion x,y,z,w, Hamilton, body to world",
         notes=tuple(notes),
         warnings=tuple(warnings),
     )
