@@ -129,9 +129,10 @@ class OrientationSeries:
     def __len__(self) -> int:
         return len(self.times_s)
 
-    def with_warnings(self, warnings: tuple[str, ...]) -> OrientationSeries:
-        """Return the same samples with further warnings; the arrays are shared and not checked again."""
+    def with_remarks(self, notes: tuple[str, ...] = (), warnings: tuple[str, ...] = ()) -> OrientationSeries:
+        """Return the same samples with further notes and warnings; the arrays are shared and not checked again."""
         more = copy.copy(self)
+        object.__setattr__(more, "notes", (*self.notes, *notes))
         object.__setattr__(more, "warnings", (*self.warnings, *warnings))
         return more
 

@@ -11,7 +11,7 @@ Irregular cycles inside a trial are kept and flagged, never dropped: a slip is w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,18 +31,6 @@ __all__ = ["CycleAnalysis", "CycleSettings", "Endpoint", "LeftOut", "Run", "find
 _DEFAULTS = CycleSettings()
 _MAX_GRID_PER_SAMPLE = 50
 _SMALL_GRID = 1_000_000  # costs nothing, however empty
-
-
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """One of the two extremes: its runs, of which the longest would be scored, and what fell off."""
-
-    runs: tuple[Run, ...]
-    left_out: tuple[LeftOut, ...]
-
-    @property
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        return next((run.endpoints for run in self.runs if run.scored), ())
 
 
 def find_cycles(
@@ -170,12 +158,7 @@ def _with_endpoints(
     if peaks == 0:  # every swing is a cycle, of changing length: the autocorrelation saw several as one
         period, peaks = Period(float(np.median(_spacing(found))) / motion.rate_hz, period.confidence), 1
     candidates = [
-        _candidate(
-            measure(samples, motion, turning, found, period.seconds, settings, upper=upper),
-            period,
-            nothing.window,
-            settings,
-        )
+        _with_runs(result, measure(samples, motion, turning, found, period.seconds, settings, upper=upper), period)
         for upper in (True, False)
     ]
     # Primary is the extreme asked for; else the one with more end points, and of as many the one that is reached first.
@@ -189,8 +172,7 @@ def _with_endpoints(
     )
     left_out = [replace(item, primary=True) for item in primary.left_out] + list(other.left_out)
     result = replace(
-        result,
-        runs=primary.runs,
+        primary,
         other_endpoints=other.endpoints,
         left_out=tuple(sorted(left_out, key=lambda item: item.time_s)),
         peaks_per_cycle=peaks,
@@ -247,10 +229,9 @@ def _even_swings(found: TurningPoints, angle: FloatArray, settings: CycleSetting
     return len(travel) >= 5 and float(np.mean((size > least) & (size < most))) >= 0.8
 
 
-def _candidate(
-    extremes: Extremes, period: Period, window: tuple[float, float] | None, settings: CycleSettings
-) -> _Candidate:
+def _with_runs(result: CycleAnalysis, extremes: Extremes, period: Period) -> CycleAnalysis:
     """Split the extremes of one kind into runs, gate their ends, and choose the longest."""
+    settings, window = result.settings, result.window
     period_s, any_tempo = period.seconds, period.confidence < settings.min_confidence
     runs: list[tuple[Endpoint, ...]] = []
     left_out = list(extremes.refused)
@@ -268,7 +249,8 @@ def _candidate(
         elif run.stop > run.start:
             runs.append(with_flags(extremes, run, period_s, settings))
     longest = int(np.argmax([len(run) for run in runs])) if runs else 0
-    return _Candidate(tuple(Run(run, scored=k == longest) for k, run in enumerate(runs)), tuple(left_out))
+    scored = tuple(Run(run, scored=k == longest) for k, run in enumerate(runs))
+    return replace(result, runs=scored, left_out=tuple(left_out))
 
 
 def _inside(point: Endpoint, window: tuple[float, float]) -> bool:

@@ -88,7 +88,7 @@ def read_series(
             return read_series(opened, columns=columns, rate_hz=rate_hz, topic=topic)
     spec = parse_columns(columns) if isinstance(columns, str) else columns
     series = to_series(_raw_samples(source, spec, topic), source.label, rate_hz)
-    return series.with_warnings(convention_warnings(series))
+    return series.with_remarks(warnings=convention_warnings(series))
 
 
 def _raw_samples(source: SourceFile, spec: ColumnSpec | None, topic: str | None) -> RawSamples:

@@ -87,7 +87,7 @@ def to_series(raw: RawSamples, source: str, rate_hz: float | None = None) -> Ori
         notes.append(f"{lost} rows repeat the time stamp of the row before and were set aside")
     if lost > MAX_SET_ASIDE * n:
         raise ReaderError(f"{lost} of {n} time stamps do not increase; is the time column the right one, and in order?")
-    return OrientationSeries(
+    series = OrientationSeries(
         times_s=times_s[keep],
         quats_wxyz=raw.quats_wxyz[keep],
         index=rows[keep],
@@ -95,11 +95,12 @@ def to_series(raw: RawSamples, source: str, rate_hz: float | None = None) -> Ori
         accelerations_mps2=None if raw.accelerations_mps2 is None else raw.accelerations_mps2[keep],
         source=source,
         convention=raw.convention,
-        notes=(*notes, *_gap_notes(times_s[keep])),
+        notes=tuple(notes),
         warnings=raw.warnings,
         times_measured=raw.times_s is not None,
         set_aside=_set_aside(raw, times_s, rows, ~keep) if lost else None,
     )
+    return series.with_remarks(notes=_gap_notes(series))
 
 
 def _check_norms(raw: RawSamples, rows: IntArray) -> None:
@@ -157,17 +158,14 @@ def _set_aside(raw: RawSamples, times_s: FloatArray, rows: IntArray, out: BoolAr
     )
 
 
-def _gap_notes(times_s: FloatArray) -> tuple[str, ...]:
+def _gap_notes(series: OrientationSeries) -> tuple[str, ...]:
     """Return a note on where samples are missing."""
-    if len(times_s) < 2:
+    gaps_s = series.gaps(_GAP_FACTOR)
+    if not len(gaps_s):
         return ()
-    intervals = np.diff(times_s)
-    usual = float(np.median(intervals))
-    wide = np.flatnonzero(intervals > _GAP_FACTOR * usual)
-    if not len(wide):
-        return ()
-    longest = int(wide[np.argmax(intervals[wide])])
+    lengths_s = gaps_s[:, 1] - gaps_s[:, 0]
+    longest = int(np.argmax(lengths_s))
     return (
-        f"{len(wide)} gaps longer than {_GAP_FACTOR:g} times the usual {usual * 1e3:.3g} ms, longest "
-        f"{intervals[longest]:.3g} s at {times_s[longest] - times_s[0]:.3f} s after the first sample",
+        f"{len(gaps_s)} gaps longer than {_GAP_FACTOR:g} times the usual {series.interval_s * 1e3:.3g} ms, longest "
+        f"{lengths_s[longest]:.3g} s at {gaps_s[longest, 0] - series.times_s[0]:.3f} s after the first sample",
     )

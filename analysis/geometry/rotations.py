@@ -85,17 +85,7 @@ def _complex_pair(rows: FloatArray) -> tuple[npt.NDArray[np.complex128], npt.NDA
 
 
 def conjugate(q: npt.ArrayLike) -> FloatArray:
-    """Return q*, the inverse of a unit quaternion.
-
-    Parameters
-    ----------
-    q : array_like
-        (..., 4) scalar first.
-
-    Returns
-    -------
-    (..., 4)
-    """
+    """Return q* (..., 4), the inverse of unit quaternions (..., 4)."""
     quats = checked_quats(q)
     if quats.size < 4 * _BLOCK or not quats.flags.c_contiguous:
         out = np.negative(quats)
@@ -110,16 +100,9 @@ def conjugate(q: npt.ArrayLike) -> FloatArray:
 
 
 def difference(later: npt.ArrayLike, earlier: npt.ArrayLike) -> FloatArray:
-    """Return the left (world-frame) difference r = q_later ⊗ q_earlier⁻¹; card step 2.
+    """Return the left difference r = q_later ⊗ q_earlier⁻¹ (..., 4) of orientations (..., 4); card step 2.
 
-    Parameters
-    ----------
-    later, earlier : array_like
-        (..., 4) unit, scalar first.
-
-    Returns
-    -------
-    (..., 4) the rotation, in world axes, that takes ``earlier`` to ``later``.
+    It is the rotation, in world axes, that turns ``earlier`` into ``later``.
     """
     return multiply(later, conjugate(earlier))
 
@@ -155,16 +138,9 @@ def angle(q: npt.ArrayLike) -> FloatArray:
 
 
 def distance(p: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
-    """Return the angle of the rotation between two orientations, rad, in [0, π].
+    """Return the angle (...) of the rotation between orientations (..., 4), rad, in [0, π].
 
-    Parameters
-    ----------
-    p, q : array_like
-        (..., 4) unit, scalar first.
-
-    Returns
-    -------
-    (...) rad; the same for left and right differences.
+    It is the same for left and right differences.
     """
     return angle(difference(p, q))
 
@@ -247,16 +223,9 @@ def rotate(q: npt.ArrayLike, vector: npt.ArrayLike) -> FloatArray:
 
 
 def continuous_signs(quats_wxyz: npt.ArrayLike) -> FloatArray:
-    """Choose q or −q for each row so that neighbours are on the same side of the 3-sphere.
+    """Choose q or −q in each of n rows (n, 4), so that neighbours are on the same side of the 3-sphere.
 
-    Parameters
-    ----------
-    quats_wxyz : array_like
-        (n, 4) in time order.
-
-    Returns
-    -------
-    (n, 4) the same rotations; the first row is unchanged.
+    The first row is unchanged.
     """
     quats = checked_quats(quats_wxyz)
     if len(quats) < 2:
@@ -290,30 +259,10 @@ def slerp(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLike) -> 
 
 
 def to_xyzw(q_wxyz: npt.ArrayLike) -> FloatArray:
-    """Return scalar first as scalar last, for scipy and for file formats.
-
-    Parameters
-    ----------
-    q_wxyz : array_like
-        (..., 4) scalar first.
-
-    Returns
-    -------
-    (..., 4) scalar last.
-    """
+    """Return scalar-first quaternions (..., 4) as scalar-last ones, for scipy and for file formats."""
     return np.ascontiguousarray(checked_quats(q_wxyz)[..., [1, 2, 3, 0]])
 
 
 def from_xyzw(q_xyzw: npt.ArrayLike) -> FloatArray:
-    """Return scalar last, as scipy and many file formats have it, as scalar first.
-
-    Parameters
-    ----------
-    q_xyzw : array_like
-        (..., 4) scalar last.
-
-    Returns
-    -------
-    (..., 4) scalar first.
-    """
+    """Return scalar-last quaternions (..., 4), as scipy and many file formats have them, as scalar-first ones."""
     return np.ascontiguousarray(checked_quats(q_xyzw)[..., [3, 0, 1, 2]])

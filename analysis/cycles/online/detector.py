@@ -146,8 +146,9 @@ class OnlineCycleDetector:
             self._after_gap = bool(self._ring)
             self._start_run(point)
         self._ring.append(point)
-        turned = self._turning.add(point, self._went_back)
-        return [] if turned is None else self._turned(*turned, point)
+        start = self._turning.last
+        upper = self._turning.add(point, self._went_back)
+        return [] if upper is None else self._turned(start, self._turning.last, upper)
 
     def _start_run(self, point: AnglePoint) -> None:
         self._runs += 1
@@ -175,10 +176,9 @@ class OnlineCycleDetector:
             share *= self._known.swing_rad(travel)
         return max(_MIN_RETREAT_RAD, _NOISE_RETREAT * self._angle.noise_rad, share)
 
-    def _turned(self, extreme: AnglePoint, upper: int, now: AnglePoint) -> list[Endpoint]:
-        """Make the extreme that the angle has gone back from an end point, unless it is the start pose."""
-        known, start = self._known, self._turning.last
-        self._turning.turn(extreme, now, upper)
+    def _turned(self, start: AnglePoint, extreme: AnglePoint, upper: int) -> list[Endpoint]:
+        """Make the extreme that the angle has gone to from the one before an end point, unless it is the start pose."""
+        known = self._known
         travel = abs(extreme.angle_rad - start.angle_rad)
         if known.first_rad is None and travel < max(_MIN_RETREAT_RAD, _NOISE_TRAVEL * self._angle.noise_rad):
             return []  # the start pose itself

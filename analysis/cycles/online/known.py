@@ -74,18 +74,7 @@ class KnownCycles:
             kind.previous_s = None
 
     def add(self, endpoint: Endpoint, angle_rad: float, travel_rad: float, upper: int) -> list[Endpoint]:
-        """Receive the next extreme.
-
-        Parameters
-        ----------
-        endpoint : Endpoint
-            The extreme.
-        angle_rad : float
-            Angle about the motion axis there, rad.
-        travel_rad : float
-            Way to it from the extreme before, rad.
-        upper : int
-            Its kind.
+        """Receive the next extreme, of kind ``upper``, with its angle and the way to it from the one before, rad.
 
         Returns
         -------

@@ -39,16 +39,7 @@ class PeakFilter:
         self._recent: deque[tuple[int, float, Endpoint]] = deque(maxlen=_KEPT)
 
     def add(self, endpoint: Endpoint, angle_rad: float, swing_rad: float) -> tuple[list[Endpoint], bool]:
-        """Receive the next extreme and return what is to be passed on.
-
-        Parameters
-        ----------
-        endpoint : Endpoint
-            The extreme.
-        angle_rad : float
-            Angle about the motion axis there, rad.
-        swing_rad : float
-            Usual swing, rad.
+        """Receive the next extreme, with the angle about the motion axis there and the usual swing, rad.
 
         Returns
         -------
