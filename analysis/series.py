@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import copy
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 _UNIT_ROUNDING = 1e-15
 _BLOCK = 8192  # rows worked on at a time
@@ -26,7 +28,7 @@ class AnalysisError(Exception):
 
 
 class SeriesError(AnalysisError):
-    """An orientation series that cannot be one; the message says which sample and why."""
+    """An orientation series that is not valid; the message names the sample and the reason."""
 
 
 class ReaderError(AnalysisError):
@@ -34,7 +36,7 @@ class ReaderError(AnalysisError):
 
 
 class BaselineError(AnalysisError):
-    """A static baseline that cannot be one; the message says why."""
+    """A static baseline that is not valid; the message names the reason."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +94,9 @@ class OrientationSeries:
     """What the samples were read from, for people."""
     convention: str = "quaternion w,x,y,z, Hamilton, body to world"
     """The convention the samples were read with, for people."""
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
     """What the reader met and did: rate assumed, duplicates dropped, gaps."""
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = ()
     """What makes the data doubtful, e.g. data that contradict the declared convention; go into every result."""
     accelerations_mps2: FloatArray | None = None
     """(n, 3) specific force in the body frame, m/s², where the source has it: shows where up is."""
@@ -112,10 +114,9 @@ class OrientationSeries:
             raise SeriesError(
                 f"times {times_s.shape}, quaternions {quats.shape} and index {index.shape} do not fit together"
             )
-        if self.positions_m is not None and np.shape(self.positions_m) != (n, 3):
-            raise SeriesError(f"positions {np.shape(self.positions_m)} do not fit {n} samples")
-        if self.accelerations_mps2 is not None and np.shape(self.accelerations_mps2) != (n, 3):
-            raise SeriesError(f"accelerations {np.shape(self.accelerations_mps2)} do not fit {n} samples")
+        for what, vectors in (("positions", self.positions_m), ("accelerations", self.accelerations_mps2)):
+            if vectors is not None and np.shape(vectors) != (n, 3):
+                raise SeriesError(f"{what} {np.shape(vectors)} do not fit {n} samples")
         if not np.isfinite(times_s).all():
             raise SeriesError(f"the time of sample {int(np.argmin(np.isfinite(times_s)))} is not a number")
         if not (times_s[1:] > times_s[:-1]).all():
@@ -127,6 +128,13 @@ class OrientationSeries:
 
     def __len__(self) -> int:
         return len(self.times_s)
+
+    def with_remarks(self, notes: tuple[str, ...] = (), warnings: tuple[str, ...] = ()) -> OrientationSeries:
+        """Return the same samples with further notes and warnings; the arrays are shared and not checked again."""
+        more = copy.copy(self)
+        object.__setattr__(more, "notes", (*self.notes, *notes))
+        object.__setattr__(more, "warnings", (*self.warnings, *warnings))
+        return more
 
     @property
     def duration_s(self) -> float:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.cycles.motion import BoolArray, Motion
-from analysis.series import FloatArray
+from analysis.cycles.motion import Motion
+from analysis.series import BoolArray, FloatArray
 
 _BINS_PER_PERIOD = 12
 
@@ -38,19 +38,19 @@ class AxisAngle:
 def motion_axis(
     motion: Motion, period_s: float, *, sigma_periods: float, smooth_s: float = 0.0, speed_limit: float = float("inf")
 ) -> AxisAngle:
-    """Top eigenvector of ωωᵀ under a Gaussian window, and the angle about it.
+    """Return the top eigenvector of ωωᵀ under a Gaussian window, and the angle about it.
 
     Taken from ω and not from the poses: where drift is strong, the poses spread along the *drift* axis.
 
     Parameters
     ----------
-    motion
+    motion : Motion
         m grid intervals; must not be empty.
-    period_s
+    period_s : float
         Length of one cycle, s.
-    sigma_periods
+    sigma_periods : float
         Standard deviation of the window in periods.
-    smooth_s
+    smooth_s : float, optional
         Further smoothing of ω for the axis (not for the angle), s: where noise would blur it.
     """
     from scipy import ndimage  # slow to import
@@ -59,6 +59,7 @@ def motion_axis(
     m, smooth = len(omega), motion.smoothed(smooth_s).limited(speed_limit).omega
     width = max(int(period_s * rate / _BINS_PER_PERIOD), 1)
     edges = np.arange(0, m, width)
+    # ωωᵀ is summed over bins of a twelfth of a period first: the window is much wider, so nothing is lost.
     upper = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
     tensor = np.empty((len(edges), 3, 3))
     for row, column in upper:
@@ -67,10 +68,12 @@ def motion_axis(
         tensor[:, row, column] = tensor[:, column, row] = local
     values, vectors = np.linalg.eigh(tensor)
     axes = vectors[:, :, -1]
+    # An eigenvector has no sign: each is turned the way of the one before it.
     flips = np.einsum("ij,ij->i", axes[1:], axes[:-1]) < 0.0
     axes = np.where(np.concatenate(([False], np.logical_xor.accumulate(flips)))[:, None], -axes, axes)
     share = float(np.median(values[:, -1] / np.maximum(values.sum(axis=1), 1e-300)))
     centres, points = edges + 0.5 * width, np.arange(m) + 0.5
+    # n · ω with n interpolated between the bins, and made unit again by its length.
     along, length = np.zeros(m), np.zeros(m)
     for component in range(3):
         axis = np.interp(points, centres, axes[:, component])
@@ -82,7 +85,7 @@ def motion_axis(
 
 
 def _range_of_motion(angle: FloatArray, moving: BoolArray, window: int) -> float:
-    """Median of max − min in windows centred where the object moves."""
+    """Return the median of max − min in windows centred where the object moves."""
     from scipy import ndimage  # slow to import
 
     window = min(max(window, 2), len(angle))

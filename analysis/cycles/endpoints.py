@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.cycles.motion import BoolArray
+from analysis.cycles.axis import AxisAngle
+from analysis.cycles.motion import Motion
 from analysis.cycles.settings import CycleSettings, Endpoint, LeftOut
 from analysis.cycles.turning_points import TurningPoints, dwell, swings
 from analysis.cycles.usable_samples import Samples
 from analysis.geometry import rotations
-from analysis.series import FloatArray
+from analysis.series import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +30,9 @@ class Extremes:
 
 def measure(
     samples: Samples,
+    motion: Motion,
+    turning: AxisAngle,
     found: TurningPoints,
-    angle: FloatArray,
-    grid_s: tuple[float, float],
-    swing_rad: float,
     period_s: float,
     settings: CycleSettings,
     *,
@@ -42,36 +42,37 @@ def measure(
 
     Parameters
     ----------
-    samples
+    samples : Samples
         Where orientations come from.
-    found
+    motion : Motion
+        The grid.
+    turning : AxisAngle
+        Rotation about the motion axis, on it.
+    found : TurningPoints
         Turning points of both kinds.
-    angle
-        (m + 1,) rotation about the motion axis, rad.
-    grid_s
-        Time of the first grid point and distance between grid points, s.
-    swing_rad
-        Range of motion, rad.
-    period_s
+    period_s : float
         Length of a cycle, s.
-    settings
+    settings : CycleSettings
         Depth of the dwell, width of the average, largest gap.
-    upper
+    upper : bool
         Which kind.
     """
-    start_s, step_s = grid_s
+    angle, start_s, step_s = turning.angle_rad, motion.start_s, 1.0 / motion.rate_hz
     before, after = swings(found, angle)
     bounds = np.concatenate(([0], found.points, [len(angle) - 1]))
     max_gap_s = max(settings.max_gap * period_s, 3.0 * samples.usual_step_s)
     chosen = np.flatnonzero(found.upper == upper)
     least = np.minimum(before, after)[chosen]
-    depths = settings.dwell_depth * np.minimum(swing_rad, least / settings.hysteresis)  # below R where humps are passed
+    # The depth is a share of the range of motion; of less where a turning point with less travel than usual was found,
+    # as at the peaks within a cycle: at most of the range for which its travel would just count.
+    depths = settings.dwell_depth * np.minimum(turning.swing_rad, least / settings.hysteresis)
     dwells = [
         dwell(angle, int(found.points[k]), int(bounds[k]), int(bounds[k + 2]), depth)
         for k, depth in zip(chosen.tolist(), depths.tolist(), strict=True)
     ]
     first, last = np.array(dwells).reshape(-1, 2).T
     times_s = start_s + 0.5 * (first + last) * step_s
+    # An end point inside a gap has no orientation and is refused; a gap elsewhere in its dwell only earns it a flag.
     gaps_s = samples.brackets_s(times_s)
     near_gaps = samples.have_gaps(start_s + first * step_s, start_s + last * step_s, max_gap_s)
     names = samples.nearest(times_s)
@@ -92,12 +93,12 @@ def measure(
         LeftOut(float(times_s[k]), f"inside a gap of {gaps_s[k]:.3g} s in the data", primary=False)
         for k in np.flatnonzero(gaps_s > max_gap_s).tolist()
     )
-    travel = np.stack([before, after], axis=1)[chosen[kept]] / swing_rad
+    travel = np.stack([before, after], axis=1)[chosen[kept]] / turning.swing_rad
     return Extremes(endpoints, travel, refused)
 
 
 def split_runs(extremes: Extremes, period_s: float, settings: CycleSettings) -> list[slice]:
-    """Stretches of extremes without a pause, in time order."""
+    """Return the runs of extremes without a pause between them, in time order."""
     times_s = np.array([point.time_s for point in extremes.endpoints])
     cuts = 1 + np.flatnonzero(np.diff(times_s) > settings.pause * period_s)
     edges = [0, *cuts.tolist(), len(times_s)]
@@ -111,15 +112,15 @@ def gate_ends(
 
     Parameters
     ----------
-    extremes
+    extremes : Extremes
         All extremes of one kind.
-    run
+    run : slice
         Which of them.
-    period_s
+    period_s : float
         Length of a cycle, s.
-    settings
+    settings : CycleSettings
         What is regular.
-    any_tempo
+    any_tempo : bool, optional
         Tempo changes so much that the length of a cycle is judged by that of the next one.
 
     Returns
@@ -151,7 +152,7 @@ def gate_ends(
 def _irregular(
     extremes: Extremes, end: int, inner: int, period_s: float, usual_dwell_s: float, settings: CycleSettings
 ) -> str:
-    """Why the extreme at an end of a run is no end point; empty where it is one."""
+    """Return why the extreme at an end of a run is not an end point; empty where it is one."""
     points = extremes.endpoints
     spacing = abs(points[inner].time_s - points[end].time_s) / period_s
     outward, inward = extremes.inner_swing[end][[0, 1] if inner > end else [1, 0]].tolist()
@@ -195,7 +196,7 @@ def pose_jumps(quats: FloatArray) -> BoolArray:
 
     Parameters
     ----------
-    quats
+    quats : array of float
         (k, 4) orientations at the end points.
 
     Returns

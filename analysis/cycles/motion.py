@@ -9,13 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from analysis.cycles.usable_samples import Samples
 from analysis.geometry import rotations
 from analysis.series import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
 
 _BLOCK = 32768  # grid points worked on at once: bounds the scratch memory whatever the length
 _SPEED_SIGMA_S = 0.5
@@ -63,7 +60,7 @@ class Motion:
         return replace(self, omega=_gaussian(self.omega, sigma_s * self.rate_hz)) if sigma_s > 0.0 else self
 
     def with_moving_share(self, moving_share: float, *, path_share: float = 0.5, percentile: float = 90.0) -> Motion:
-        """Say anew what counts as moving: a share of a percentile of the speed, idle time set aside.
+        """Set again what counts as moving: a share of a percentile of the speed, idle time set aside.
 
         Idle time is what is slower than a twentieth of the speed up to which ``path_share`` of all turning is done: a
         trial of 20 s in a recording of ten minutes has the same working speed as the trial alone.
@@ -88,7 +85,7 @@ class Motion:
         return replace(self, omega=self.omega * np.minimum(1.0, limit / np.maximum(speed, 1e-300))[:, None])
 
     def active(self) -> tuple[int, int]:
-        """First and last (excluded) grid interval whose speed counts as moving; (0, 0) where nothing moves."""
+        """Return first and last (excluded) grid interval whose speed counts as moving; (0, 0) where nothing moves."""
         moving = np.flatnonzero(self.speed > self.threshold)
         return (int(moving[0]), int(moving[-1]) + 1) if len(moving) else (0, 0)
 
@@ -100,18 +97,18 @@ def angular_velocity(samples: Samples, *, rate_hz: float, sigma_s: float, moving
 
     Parameters
     ----------
-    samples
+    samples : Samples
         Evenly spaced or not.
-    rate_hz
+    rate_hz : float
         Grid points per second.
-    sigma_s
+    sigma_s : float
         Standard deviation of the Gaussian, s.
-    moving_share
+    moving_share : float
         What counts as moving, see :meth:`Motion.with_moving_share`.
 
     Returns
     -------
-    None where the recording is too short to say anything (under 10 samples or under 4 σ).
+    None where the recording is too short (under 10 samples or under 4 σ).
     """
     times_s, quats = samples.times_s, samples.quats_wxyz
     if len(times_s) < 10 or times_s[-1] - times_s[0] < 4.0 * sigma_s:

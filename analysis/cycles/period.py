@@ -14,6 +14,7 @@ from analysis.cycles.settings import CycleSettings
 from analysis.cycles.usable_samples import Samples
 from analysis.series import FloatArray
 
+_ROUNDS = 3
 _MAX_ONE_WAY = 0.5
 """Largest sum of the autocorrelation up to a period, share of that of its size: 0 there and back, 1 one way."""
 
@@ -33,9 +34,9 @@ def vector_autocorrelation(omega: FloatArray, max_lag: int) -> FloatArray:
 
     Parameters
     ----------
-    omega
+    omega : array of float
         (m, 3).
-    max_lag
+    max_lag : int
         Largest lag wanted, below m.
 
     Returns
@@ -46,6 +47,8 @@ def vector_autocorrelation(omega: FloatArray, max_lag: int) -> FloatArray:
 
     m = len(omega)
     size = fft.next_fast_len(m + max_lag + 1, real=True)
+    # Wiener-Khinchin: the transform of the power spectrum is the autocorrelation; padded, so that nothing wraps round.
+    # The sum over the axes does not depend on how these lie.
     power = np.zeros(size // 2 + 1)
     for axis in range(3):
         spectrum = fft.rfft(omega[:, axis], size)
@@ -65,13 +68,13 @@ def find_period(
 
     Parameters
     ----------
-    omega
+    omega : array of float
         (m, 3) angular velocity while the object moves, rad/s.
-    rate_hz
+    rate_hz : float
         Its rate.
-    min_period_s, max_period_s
+    min_period_s, max_period_s : float
         Range searched; the upper end is also bounded by half the length.
-    peak_share
+    peak_share : float
         How near: a peak counts from this share of the largest.
 
     Returns
@@ -91,14 +94,13 @@ def find_period(
     peaks = peaks[(peaks >= first) & (net[peaks] < _MAX_ONE_WAY * gross[peaks])]
     if len(peaks) == 0:
         return None
+    # Two cycles repeat as well as one does: the first peak near the largest, not the largest, is one cycle. A parabola
+    # through it and its neighbours places it between the lags.
     peak = int(peaks[np.argmax(curve[peaks] >= peak_share * curve[peaks].max())])
     before, here, after = curve[peak - 1 : peak + 2]
     bend = before - 2.0 * here + after
     shift = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
     return Period((peak + float(shift)) / rate_hz, float(here))
-
-
-_ROUNDS = 3
 
 
 def search_period(motion: Motion, samples: Samples, settings: CycleSettings) -> tuple[Period | None, float]:
@@ -109,11 +111,11 @@ def search_period(motion: Motion, samples: Samples, settings: CycleSettings) -> 
 
     Parameters
     ----------
-    motion
+    motion : Motion
         The part in which the object moves.
-    samples
+    samples : Samples
         What it was made of: its noise.
-    settings
+    settings : CycleSettings
         Ranges, smoothing, limits.
 
     Returns
@@ -135,10 +137,11 @@ def search_period(motion: Motion, samples: Samples, settings: CycleSettings) -> 
             best = (period, sigma_s)
         if period is not None and period.confidence >= settings.sure_confidence:
             break
-    return _again(motion, *best, settings)
+    return _refined(motion, *best, settings), best[1]
 
 
 def _period_at(smooth: Motion, min_period_s: float, settings: CycleSettings) -> Period | None:
+    """Find the period in ω as smoothed, single fast strokes limited."""
     return find_period(
         smooth.limited(settings.speed_limit).omega,
         smooth.rate_hz,
@@ -148,9 +151,7 @@ def _period_at(smooth: Motion, min_period_s: float, settings: CycleSettings) -> 
     )
 
 
-def _again(
-    motion: Motion, period: Period | None, smooth_s: float, settings: CycleSettings
-) -> tuple[Period | None, float]:
+def _refined(motion: Motion, period: Period | None, smooth_s: float, settings: CycleSettings) -> Period | None:
     """Look again with ω smoothed in proportion to the period found.
 
     Short strokes whose tempo changes by a few hundredths overlap little from cycle to cycle, and a few of them may
@@ -167,4 +168,4 @@ def _again(
         period = found
         if settled:
             break
-    return period, smooth_s
+    return period

@@ -2,7 +2,7 @@
 
 The steps, in order: angular velocity on an even grid (:mod:`analysis.cycles.motion`); the active part; the period
 (:mod:`analysis.cycles.period`); the motion axis and the angle about it (:mod:`analysis.cycles.axis`); its turning
-points (:mod:`analysis.cycles.turning_points`), by a template where a cycle has several humps
+points (:mod:`analysis.cycles.turning_points`), by a template where a cycle has several peaks
 (:mod:`analysis.cycles.template`); end points in the middle of their dwell, gates at the ends only, runs
 (:mod:`analysis.cycles.endpoints`).
 Irregular cycles inside a trial are kept and flagged, never dropped: a slip is what the benchmark measures.
@@ -11,7 +11,7 @@ Irregular cycles inside a trial are kept and flagged, never dropped: a slip is w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,26 +24,13 @@ from analysis.cycles.template import axis_speeds, locked_cycles, template_turnin
 from analysis.cycles.turning_points import NONE_FOUND, TurningPoints, turning_points, without_short_pairs
 from analysis.cycles.usable_samples import Samples
 from analysis.cycles.verdict import why_no_period, with_verdict
-from analysis.series import FloatArray, OrientationSeries
+from analysis.series import FloatArray, IntArray, OrientationSeries
 
 __all__ = ["CycleAnalysis", "CycleSettings", "Endpoint", "LeftOut", "Run", "find_cycles"]
 
 _DEFAULTS = CycleSettings()
 _MAX_GRID_PER_SAMPLE = 50
 _SMALL_GRID = 1_000_000  # costs nothing, however empty
-
-
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """One of the two extremes: its runs, the longest of them, and what fell off."""
-
-    runs: tuple[tuple[Endpoint, ...], ...]
-    longest: int
-    left_out: tuple[LeftOut, ...]
-
-    @property
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        return self.runs[self.longest] if self.runs else ()
 
 
 def find_cycles(
@@ -56,21 +43,21 @@ def find_cycles(
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         The recording.
-    settings
+    settings : CycleSettings, optional
         Numbers of the method; the defaults suit every recording.
-    window
-        (from, to) in the time of the series, s: end points whose dwell touches it are taken, all of them, and the
+    window : tuple of float, optional
+        (from, to) in the time of the series, s: end points whose dwell touches it count, all of them, and the
         period comes from this part alone. None finds the window: from the first to the last regular cycle.
-    like_s
+    like_s : sequence of float, optional
         Times of end points: the extreme that they lie at is the primary one, however many each has.
 
     Returns
     -------
     Never raises for a poor recording: ``valid`` is False and ``reasons`` say why.
     """
-    nothing = CycleAnalysis(valid=False, reasons=(), warnings=(), settings=settings, window=window)
+    nothing = CycleAnalysis(settings, window)
     samples = Samples.of(series)
     if empty := _mostly_empty(samples, settings):
         return replace(nothing, reasons=(empty,))
@@ -90,7 +77,7 @@ def find_cycles(
 
 
 def _mostly_empty(samples: Samples, settings: CycleSettings) -> str:
-    """Say why an even grid would hold hardly anything, and fill the memory: a wrong unit of time, or a clock set."""
+    """Return why an even grid would hold hardly anything, and fill the memory: a wrong unit of time, or a clock set."""
     n = len(samples.times_s)
     if n < 2 or (samples.times_s[-1] - samples.times_s[0]) * settings.rate_hz <= _MAX_GRID_PER_SAMPLE * n + _SMALL_GRID:
         return ""
@@ -115,6 +102,8 @@ def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples, like_s: Sequ
     nothing = replace(nothing, active_s=active_s)
     period, smooth_s = search_period(motion.part(first, last), samples, settings)
     refused = nothing
+    # Below `min_confidence` there is no period, but even swings about one axis may still be cycles of changing tempo:
+    # the search goes on, and where that leads to nothing, the refusal for want of a period stands.
     if period is None or period.confidence < settings.min_confidence:
         refused = replace(
             nothing,
@@ -165,46 +154,34 @@ def _with_endpoints(
     )
     if swing_deg < settings.min_swing_deg:
         return replace(result, reasons=(f"range of motion {swing_deg:.2f}°, needs {settings.min_swing_deg}°",))
-    found, humps = _turning_points(motion, turning, period, settings)
-    if humps == 0:  # every swing is a cycle, of changing length: the autocorrelation saw several as one
-        spacing = np.concatenate([np.diff(found.points[found.upper == kind]) for kind in (True, False)])
-        period = Period(float(np.median(spacing)) / motion.rate_hz, period.confidence)
-        result, humps = replace(result, period_s=period.seconds), 1
-    candidates = []
-    for upper in (True, False):
-        extremes = measure(
-            samples,
-            found,
-            turning.angle_rad,
-            (motion.start_s, 1.0 / motion.rate_hz),
-            turning.swing_rad,
-            period.seconds,
-            settings,
-            upper=upper,
-        )
-        candidates.append(_candidate(extremes, period, nothing.window, settings))
+    found, peaks = _turning_points(motion, turning, period, settings)
+    if peaks == 0:  # every swing is a cycle, of changing length: the autocorrelation saw several as one
+        period, peaks = Period(float(np.median(_spacing(found))) / motion.rate_hz, period.confidence), 1
+    candidates = [
+        _with_runs(result, measure(samples, motion, turning, found, period.seconds, settings, upper=upper), period)
+        for upper in (True, False)
+    ]
+    # Primary is the extreme asked for; else the one with more end points, and of as many the one that is reached first.
     primary, other = sorted(
         candidates,
         key=lambda c: (
-            -_alike(c.endpoints, like_s, 0.25 * period.seconds),
+            -_count_near(c.endpoints, like_s, 0.25 * period.seconds),
             -len(c.endpoints),
             c.endpoints[0].time_s if c.endpoints else np.inf,
         ),
     )
     left_out = [replace(item, primary=True) for item in primary.left_out] + list(other.left_out)
     result = replace(
-        result,
-        endpoints=primary.endpoints,
+        primary,
         other_endpoints=other.endpoints,
-        runs=tuple(Run(run, scored=k == primary.longest) for k, run in enumerate(primary.runs)),
         left_out=tuple(sorted(left_out, key=lambda item: item.time_s)),
-        humps=humps,
+        peaks_per_cycle=peaks,
     )
     return with_verdict(result, motion, turning, samples, period)
 
 
-def _alike(endpoints: Sequence[Endpoint], like_s: Sequence[float], within_s: float) -> int:
-    """Count the end points that lie at given times."""
+def _count_near(endpoints: Sequence[Endpoint], like_s: Sequence[float], within_s: float) -> int:
+    """Return how many end points lie at given times."""
     if not like_s or not endpoints:
         return 0
     times_s, like = np.array([point.time_s for point in endpoints]), np.sort(like_s)
@@ -222,7 +199,7 @@ def _turning_points(
     """
     length = period.seconds * motion.rate_hz
     found = turning_points(turning.angle_rad, settings.hysteresis * turning.swing_rad)
-    spacing = np.concatenate([np.diff(found.points[found.upper == kind]) for kind in (True, False)]) / length
+    spacing = _spacing(found) / length
     if len(spacing) == 0:
         return found, 1
     if period.confidence < settings.min_confidence:
@@ -235,22 +212,26 @@ def _turning_points(
     starts = locked_cycles(axis_speeds(motion, turning.angle_rad, settings.speed_limit), round(length))
     if len(starts) < 2:
         return found, 1
-    humps = max(round(1.0 / float(np.median(spacing))), 1)
-    return template_turning_points(turning.angle_rad, starts, round(length)), humps
+    peaks = max(round(1.0 / float(np.median(spacing))), 1)
+    return template_turning_points(turning.angle_rad, starts, round(length)), peaks
+
+
+def _spacing(found: TurningPoints) -> IntArray:
+    """Return the distances between turning points of one kind, of both kinds, grid points."""
+    return np.concatenate([np.diff(found.points[found.upper == kind]) for kind in (True, False)])
 
 
 def _even_swings(found: TurningPoints, angle: FloatArray, settings: CycleSettings) -> bool:
-    """Whether four fifths of all swings are of one size: then each there-and-back is a cycle, whatever its length."""
+    """Return whether four fifths of all swings are of one size: then each to and fro is a cycle, of whatever length."""
     travel = np.abs(np.diff(angle[found.points]))
     size = travel / np.median(travel)
-    return (
-        len(travel) >= 5 and float(np.mean((size > settings.even_swings[0]) & (size < settings.even_swings[1]))) >= 0.8
-    )
+    least, most = settings.even_swings
+    return len(travel) >= 5 and float(np.mean((size > least) & (size < most))) >= 0.8
 
 
-def _candidate(
-    extremes: Extremes, period: Period, window: tuple[float, float] | None, settings: CycleSettings
-) -> _Candidate:
+def _with_runs(result: CycleAnalysis, extremes: Extremes, period: Period) -> CycleAnalysis:
+    """Split the extremes of one kind into runs, gate their ends, and choose the longest."""
+    settings, window = result.settings, result.window
     period_s, any_tempo = period.seconds, period.confidence < settings.min_confidence
     runs: list[tuple[Endpoint, ...]] = []
     left_out = list(extremes.refused)
@@ -268,9 +249,10 @@ def _candidate(
         elif run.stop > run.start:
             runs.append(with_flags(extremes, run, period_s, settings))
     longest = int(np.argmax([len(run) for run in runs])) if runs else 0
-    return _Candidate(tuple(runs), longest, tuple(left_out))
+    scored = tuple(Run(run, scored=k == longest) for k, run in enumerate(runs))
+    return replace(result, runs=scored, left_out=tuple(left_out))
 
 
 def _inside(point: Endpoint, window: tuple[float, float]) -> bool:
-    """Whether the dwell of an end point touches the window: a window may be cut at the end points themselves."""
+    """Return whether the dwell of an end point touches the window: a window may be cut at the end points themselves."""
     return window[0] - 0.5 * point.dwell_s <= point.time_s <= window[1] + 0.5 * point.dwell_s

@@ -1,4 +1,4 @@
-"""What the search for cycles takes and gives: settings, end points, runs, and the reasons for every choice."""
+"""What the search for cycles works with and returns: settings, end points, runs, and the reasons for every choice."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from analysis.series import FloatArray
 
 
 @dataclass(frozen=True)
-class CycleSettings:
-    """Numbers the search works with; the same for every recording. Lengths of time are shares of the period."""
+class MotionSettings:
+    """From orientations to angular velocity, and what of it counts as motion."""
 
     rate_hz: float = 100.0
     """Rate of the even grid, 1/s."""
@@ -23,6 +23,12 @@ class CycleSettings:
     """Where nothing is found, what is slow is looked at again: the first tenth of all turning, from slow to fast."""
     speed_limit: float = 3.0
     """Faster strokes count as this many times the usual speed when the period and the axis are looked for."""
+
+
+@dataclass(frozen=True)
+class PeriodSettings:
+    """The period."""
+
     period_sigma: float = 0.025
     """Smoothing of ω with which the period is looked for a second time, periods."""
     more_sigma_s: tuple[float, ...] = (0.1, 0.25)
@@ -40,15 +46,27 @@ class CycleSettings:
     min_confidence: float = 0.3
     """Autocorrelation at the period below which there is no claim."""
     min_tempo_confidence: float = 0.15
-    """The same for even swings about one axis whose cycles are alike: there, changing tempo hides the period."""
+    """The same for even swings about one axis whose cycles are similar: there, changing tempo hides the period."""
     sure_confidence: float = 0.5
     """Autocorrelation at the period below which there is a warning."""
+
+
+@dataclass(frozen=True)
+class AxisSettings:
+    """The motion axis, and the range of motion about it."""
+
     axis_sigma: float = 1.5
     """Gaussian window of the motion axis, periods."""
     min_axis_share: float = 0.6
     """Share of the motion about one axis below which the axis is called ambiguous."""
     min_swing_deg: float = 0.5
     """Range of motion below which there is no claim, deg."""
+
+
+@dataclass(frozen=True)
+class EndpointSettings:
+    """Turning points, and which of them end a cycle, where."""
+
     hysteresis: float = 0.4
     """A turning point counts when the angle travels this share of the range of motion on both sides."""
     spacing: tuple[float, float] = (0.7, 1.35)
@@ -60,11 +78,17 @@ class CycleSettings:
     pause: float = 1.6
     """A longer distance between end points splits the trial into runs, periods."""
     dwell_depth: float = 0.1
-    """An end point is the middle of the stretch this near to the extreme, share of the range of motion."""
+    """An end point is the middle of the time this near to the extreme, share of the range of motion."""
     average: float = 0.015
     """Samples this near to the end point are averaged, with weights falling linearly to 0, periods."""
     max_gap: float = 0.05
     """An end point between samples further apart than this is refused, periods."""
+
+
+@dataclass(frozen=True)
+class VerdictSettings:
+    """Whether the cycles may be scored, and what is warned of."""
+
     min_likeness: float = 0.75
     """Correlation of the cycles with each other below which there is no claim."""
     max_irregularity: float = 0.35
@@ -76,7 +100,7 @@ class CycleSettings:
     pure_axis_share: float = 0.9
     """Motion about one axis as much as this is never grasp-and-release."""
     sure_likeness: float = 0.9
-    """Cycles as alike as this are scored at any tempo; with many rests, they are only warned of."""
+    """Cycles as similar as this are scored at any tempo; with many rests, they are only warned of."""
     max_advance: float = 0.6
     """Net turn per cycle as a share of the range of motion above which the motion is one-way."""
     min_endpoints: int = 3
@@ -87,6 +111,15 @@ class CycleSettings:
     """Range of the distances between end points that makes a warning, periods."""
     max_noise: float = 0.08
     """Noise of a single sample that makes a warning, share of the range of motion."""
+
+
+@dataclass(frozen=True)
+class CycleSettings(VerdictSettings, EndpointSettings, AxisSettings, PeriodSettings, MotionSettings):
+    """Numbers the search works with, one class a step; the same for every recording.
+
+    Lengths of time are shares of the period. Results hold them as one flat list, in the order of the steps, which is
+    that of the base classes from the last to the first.
+    """
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +142,7 @@ class Endpoint:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A turning point that is no end point, and why."""
+    """A turning point that is not an end point, and why."""
 
     time_s: float
     """Where, s."""
@@ -143,16 +176,14 @@ class Run:
 class CycleAnalysis:
     """Cycles of a recording, or the reasons why there are none to score."""
 
-    valid: bool
-    """Whether the end points may be scored."""
-    reasons: tuple[str, ...]
-    """Why not, for people; empty where valid."""
-    warnings: tuple[str, ...]
-    """What to keep in mind, for people."""
     settings: CycleSettings
     """What it was made with."""
     window: tuple[float, float] | None
     """The window asked for, s; None means found automatically."""
+    reasons: tuple[str, ...] = ()
+    """Why the end points may not be scored, for people; empty where they may."""
+    warnings: tuple[str, ...] = ()
+    """What to keep in mind, for people."""
     period_s: float = float("nan")
     """Median distance between end points; where there are none, the lag of the autocorrelation, s."""
     period_confidence: float = 0.0
@@ -169,13 +200,21 @@ class CycleAnalysis:
     """Relative spread of spacing and swings."""
     active_s: tuple[float, float] | None = None
     """First and last moment the object moves, s."""
-    endpoints: tuple[Endpoint, ...] = ()
-    """End points of the primary extreme in its longest run: what is scored, if ``valid``."""
+    runs: tuple[Run, ...] = ()
+    """All runs of the primary extreme."""
     other_endpoints: tuple[Endpoint, ...] = ()
     """End points of the other extreme in its longest run."""
     left_out: tuple[LeftOut, ...] = ()
     """Turning points left out, with the reason."""
-    runs: tuple[Run, ...] = ()
-    """All runs of the primary extreme."""
-    humps: int = 1
+    peaks_per_cycle: int = 1
     """Turning points of one kind per cycle; above 1 the cycles were found by a template."""
+
+    @property
+    def valid(self) -> bool:
+        """Whether the end points may be scored."""
+        return not self.reasons
+
+    @property
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        """End points of the primary extreme in its longest run: what is scored, if :attr:`valid`."""
+        return next((run.endpoints for run in self.runs if run.scored), ())

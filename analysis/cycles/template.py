@@ -17,17 +17,17 @@ _SEARCH_PERIODS = 0.15
 
 
 def axis_speeds(motion: Motion, angle: FloatArray, speed_limit: float) -> FloatArray:
-    """Speed along the motion axis, and across it.
+    """Return the speed along the motion axis, and across it.
 
     Unlike ω itself, these stay the same from cycle to cycle when drift has turned the motion axis far away.
 
     Parameters
     ----------
-    motion
+    motion : Motion
         m grid intervals.
-    angle
+    angle : array of float
         (m + 1,) angle about the motion axis, rad.
-    speed_limit
+    speed_limit : float
         Faster strokes are cut to this many times the usual speed (:meth:`Motion.limited`).
 
     Returns
@@ -44,13 +44,13 @@ def axis_speeds(motion: Motion, angle: FloatArray, speed_limit: float) -> FloatA
 def locked_cycles(speeds: FloatArray, period: int) -> IntArray:
     """Find the starts of the cycles that look like the most typical one.
 
-    The template begins as the cycle most like the one after it and becomes the mean of all cycles found, three times.
+    The template starts as the cycle most like the one after it and becomes the mean of all cycles found, three times.
 
     Parameters
     ----------
-    speeds
+    speeds : array of float
         (m, 2) what is compared, from :func:`axis_speeds`.
-    period
+    period : int
         Grid intervals per cycle, at most m / 2.
 
     Returns
@@ -73,11 +73,12 @@ def locked_cycles(speeds: FloatArray, period: int) -> IntArray:
     overlap = products[period:] - products[:-period]
     this, following = energy[: len(overlap)], energy[period : period + len(overlap)]
     likeness = overlap / np.sqrt(this * following)
-    likeness[at_rest[: len(overlap)] | at_rest[period : period + len(overlap)]] = -1.0  # one rest is like another
+    likeness[at_rest[: len(overlap)] | at_rest[period : period + len(overlap)]] = -1.0  # all rests look the same
     seed = int(np.argmax(likeness))
     template = speeds[seed : seed + period]
     starts = np.empty(0, dtype=np.int64)
     for _ in range(_ROUNDS):
+        # Normalised cross-correlation of the template with every window of its length.
         own = float(np.einsum("ij,ij->", template, template))
         match = sum(signal.oaconvolve(speeds[:, k], template[::-1, k], mode="valid") for k in range(speeds.shape[1]))
         likeness = np.asarray(match, dtype=np.float64) / np.sqrt(energy * own)
@@ -92,18 +93,18 @@ def locked_cycles(speeds: FloatArray, period: int) -> IntArray:
 
 
 def template_turning_points(angle: FloatArray, starts: IntArray, period: int) -> TurningPoints:
-    """One upper and one lower extreme per cycle, each always at the same phase.
+    """Return one upper and one lower extreme per cycle, each always at the same phase.
 
-    The mean cycle, its drift taken out, says at which phase the highest and the lowest point lie; in every cycle the
-    extreme nearest to that phase is taken, however many humps there are.
+    The mean cycle, its drift removed, shows at which phase the highest and the lowest point lie; in every cycle the
+    extreme nearest to that phase counts, however many peaks there are.
 
     Parameters
     ----------
-    angle
+    angle : array of float
         (m + 1,) rotation about the motion axis at the grid points.
-    starts
+    starts : array of int
         (c,) starts of the cycles, grid points.
-    period
+    period : int
         Grid intervals per cycle.
     """
     whole = starts[(starts >= 0) & (starts + period < len(angle))]

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.cycles.motion import BoolArray
-from analysis.series import FloatArray, IntArray
+from analysis.series import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,22 +26,24 @@ NONE_FOUND = TurningPoints(np.empty(0, dtype=np.int64), np.empty(0, dtype=bool))
 
 
 def turning_points(angle: FloatArray, hysteresis: float) -> TurningPoints:
-    """Extremes between which the angle travels at least ``hysteresis`` each way.
+    """Find the extremes between which the angle travels at least ``hysteresis`` each way.
 
     The first and the last one found are bounded on one side only by the ends of the data; they are left out unless
     the angle travels that far on both of their sides.
 
     Parameters
     ----------
-    angle
+    angle : array of float
         (m,) any unit.
-    hysteresis
+    hysteresis : float
         Same unit; above 0.
     """
     slope = np.sign(np.diff(angle))
     slope = slope[np.maximum.accumulate(np.where(slope != 0.0, np.arange(len(slope)), 0))]  # plateaus carry on
     bends = 1 + np.flatnonzero(slope[1:] != slope[:-1])
     candidates = np.concatenate(([0], bends, [len(angle) - 1]))
+    # Watch the highest point so far while rising, the lowest while falling, and both until the first turn; once the
+    # angle is `hysteresis` away from the one watched, that is an extreme, and the other is watched from here on.
     found: list[int] = []
     kinds: list[bool] = []
     low = high = 0
@@ -73,11 +74,11 @@ def without_short_pairs(found: TurningPoints, angle: FloatArray, min_spacing: fl
 
     Parameters
     ----------
-    found
+    found : TurningPoints
         Alternating extremes.
-    angle
+    angle : array of float
         (m,) what they were found in.
-    min_spacing
+    min_spacing : float
         Grid points between two extremes of one kind.
     """
     points, upper = found.points.tolist(), found.upper.tolist()
@@ -94,7 +95,7 @@ def without_short_pairs(found: TurningPoints, angle: FloatArray, min_spacing: fl
 
 
 def swings(found: TurningPoints, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How far the angle travels to each extreme and away from it.
+    """Return how far the angle travels to each extreme and away from it.
 
     Returns
     -------
@@ -114,19 +115,19 @@ def swings(found: TurningPoints, angle: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def dwell(angle: FloatArray, point: int, first: int, last: int, depth: float) -> tuple[float, float]:
-    """Stretch around an extreme in which the angle stays within ``depth`` of it, in grid points.
+    """Return the part around an extreme in which the angle stays within ``depth`` of it, in grid points.
 
-    The middle of this stretch is a steadier mark than the extreme itself, which wanders on a plateau.
+    The middle of this part is a steadier mark than the extreme itself, which wanders on a plateau.
 
     Parameters
     ----------
-    angle
+    angle : array of float
         (m,) any unit.
-    point
+    point : int
         The extreme.
-    first, last
+    first, last : int
         Bounds of the search: the neighbouring extremes.
-    depth
+    depth : float
         Same unit as ``angle``.
 
     Returns

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from analysis.geometry import averages, rotations
-from analysis.series import FloatArray, IntArray, OrientationSeries
-
-BoolArray = npt.NDArray[np.bool_]
+from analysis.series import BoolArray, FloatArray, IntArray, OrientationSeries
 
 MIN_STEP_S = 1e-4
 """Samples closer than this to the one before are double deliveries of the same moment, s."""
@@ -45,7 +42,7 @@ class Samples:
 
     @staticmethod
     def of(series: OrientationSeries) -> Samples:
-        """Take the usable samples of a recording of any length."""
+        """Return the usable samples of a recording of any length."""
         samples = (series.times_s, series.quats_wxyz, series.index)
         single = np.diff(series.times_s) >= MIN_STEP_S
         if not single.all():
@@ -62,7 +59,7 @@ class Samples:
         return Samples(times_s, quats, index, usual_s, longest_s, sample_noise_rad(quats), len(outliers))
 
     def brackets_s(self, moments_s: FloatArray) -> FloatArray:
-        """(k,) distance between the samples around each of k moments, s; infinite outside the data."""
+        """Return (k,) distance between the samples around each of k moments, s; infinite outside the data."""
         times_s, n = self.times_s, len(self.times_s)
         right = np.searchsorted(times_s, moments_s)
         inside = (right > 0) & (right < n)
@@ -71,7 +68,7 @@ class Samples:
         return found
 
     def have_gaps(self, starts_s: FloatArray, ends_s: FloatArray, longest_s: float) -> BoolArray:
-        """(k,) whether neighbouring samples within each of k stretches, or at its ends, are further apart than that."""
+        """Return (k,) whether neighbours within each of k intervals, or at its ends, are further apart than that."""
         if self.longest_step_s <= longest_s:
             return np.zeros(len(starts_s), dtype=bool)
         gaps = np.flatnonzero(np.diff(self.times_s) > longest_s)
@@ -80,17 +77,17 @@ class Samples:
         return np.asarray(np.searchsorted(gaps, first) < np.searchsorted(gaps, last))
 
     def nearest(self, moments_s: FloatArray) -> IntArray:
-        """(k,) names of the samples nearest to k moments."""
+        """Return (k,) names of the samples nearest to k moments."""
         right = np.clip(np.searchsorted(self.times_s, moments_s), 1, len(self.times_s) - 1)
         nearer_left = moments_s - self.times_s[right - 1] <= self.times_s[right] - moments_s
         return np.asarray(self.index[right - nearer_left])
 
     def orientations(self, moments_s: FloatArray, reach_s: float) -> FloatArray:
-        """(k, 4) average of the samples around each of k moments, weights falling linearly to 0 at ``reach_s``.
+        """Return (k, 4) averages of the samples around k moments, weights falling linearly to 0 at ``reach_s``.
 
         At least the three nearest samples are used. Each stands for the time around it, so that the average is one
         over time and lost samples do not pull it to one side. The weights fall to 0, so that a moment that shifts by a
-        rounding error never takes in or loses a whole sample.
+        rounding error never gains or loses a whole sample.
         """
         times_s, n = self.times_s, len(self.times_s)
         near = np.searchsorted(times_s, moments_s)[:, None] + np.arange(-3, 3)
@@ -102,7 +99,7 @@ class Samples:
         first = np.searchsorted(times_s, moments_s - reach)
         last = np.maximum(np.searchsorted(times_s, moments_s + reach), first + 1)
         found = np.empty((len(moments_s), 4))
-        # Groups of alike size together: one between lost samples must not make all others as long.
+        # Groups of similar size together: one between lost samples must not make all others as long.
         order = np.argsort(last - first, kind="stable")
         at = 0
         while at < len(order):
@@ -127,7 +124,7 @@ def lone_outliers(quats_wxyz: FloatArray) -> IntArray:
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array of float
         (n, 4) unit.
 
     Returns
@@ -152,14 +149,14 @@ def lone_outliers(quats_wxyz: FloatArray) -> IntArray:
 
 
 def sample_noise_rad(quats_wxyz: FloatArray) -> float:
-    """Noise of single samples about each axis, from how far each lies off the middle of its neighbours.
+    """Return the noise of single samples about each axis, from how far each lies off the middle of its neighbours.
 
     For independent noise σ per axis that distance has the median 1.884 σ: √1.5 times the median length of a
     three-dimensional normal vector.
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array of float
         (n, 4) unit; evenly picked triples where there are very many.
 
     Returns

@@ -1,6 +1,7 @@
 """Whether the end points found may be scored, and what to keep in mind: reasons and warnings in plain words.
 
-How alike the cycles are tells a repeated manipulation from motion that only swings.
+How similar the cycles are (:mod:`analysis.cycles.repetition`) separates a repeated manipulation from motion that
+only swings.
 """
 
 from __future__ import annotations
@@ -12,17 +13,16 @@ import numpy as np
 from analysis.cycles.axis import AxisAngle
 from analysis.cycles.motion import Motion
 from analysis.cycles.period import Period
+from analysis.cycles.repetition import irregularity, likeness, rests
 from analysis.cycles.settings import CycleAnalysis, CycleSettings
 from analysis.cycles.turning_points import turning_points
 from analysis.cycles.usable_samples import Samples
-from analysis.geometry.rotations import row_lengths
-from analysis.series import FloatArray
 
 _ONE_WAY = 1.0 / 3.0  # net turn as a share of all turning
 
 
 def why_no_period(motion: Motion, period: Period | None, settings: CycleSettings) -> str:
-    """Say why no period was found, as far as the motion itself shows."""
+    """Return why no period was found, as far as the motion itself shows."""
     seconds = 1.0 / motion.rate_hz
     net_deg = float(np.degrees(np.linalg.norm(motion.omega.sum(axis=0)) * seconds))
     path_deg = float(np.degrees(np.linalg.norm(motion.omega, axis=1).sum() * seconds))
@@ -44,7 +44,7 @@ def why_no_period(motion: Motion, period: Period | None, settings: CycleSettings
 
 
 def _swings(motion: Motion, settings: CycleSettings) -> int:
-    """Count the swings about the axis of most turning; an object that only turns on has one."""
+    """Return the number of swings about the axis of most turning; an object that only turns on has one."""
     axis = np.linalg.eigh(motion.omega.T @ motion.omega)[1][:, -1]
     angle = np.cumsum(motion.omega @ axis)
     return 1 + len(turning_points(angle, settings.hysteresis * float(np.ptp(angle))).points)
@@ -53,23 +53,25 @@ def _swings(motion: Motion, settings: CycleSettings) -> int:
 def with_verdict(
     result: CycleAnalysis, motion: Motion, turning: AxisAngle, samples: Samples, period: Period
 ) -> CycleAnalysis:
-    """Fill in ``valid``, ``reasons``, ``warnings``, ``likeness``, ``irregularity`` and the period of the end points.
+    """Fill in ``reasons``, ``warnings``, ``likeness``, ``irregularity`` and the period of the end points.
 
     Parameters
     ----------
-    result
+    result : CycleAnalysis
         With end points.
-    motion, turning
+    motion : Motion
         What they were found in.
-    samples
+    turning : AxisAngle
+        The rotation about its axis.
+    samples : Samples
         What they were measured from.
-    period
+    period : Period
         From the autocorrelation.
     """
-    points = result.endpoints
+    settings, points = result.settings, result.endpoints
     times_s = np.array([point.time_s for point in points])
     spacing_s = np.diff(times_s)
-    any_tempo = period.confidence < result.settings.min_confidence
+    any_tempo = period.confidence < settings.min_confidence
     prominence = np.array([point.prominence_deg for point in points])
     result = replace(
         result,
@@ -80,24 +82,24 @@ def with_verdict(
     reasons = _reasons(result, motion, turning, any_tempo=any_tempo)
     warnings = _warnings(result, period)
     let_go = _grasp_and_release(result, motion)
-    one_motion = result.likeness > result.settings.sure_likeness and result.axis_share >= result.settings.min_axis_share
+    one_motion = result.likeness > settings.sure_likeness and result.axis_share >= settings.min_axis_share
     if let_go and not one_motion:
         reasons.append(f"looks like grasp-and-release: {let_go}")
         warnings.append("looks like grasp-and-release trials: no drift can be claimed")
     elif let_go:  # a hand that sticks and slips rests as often
         warnings.append(f"was the object let go? {let_go}, as in grasp-and-release trials")
     noise_deg = float(np.degrees(samples.noise_rad))
-    if noise_deg > result.settings.max_noise * result.swing_deg:
+    if noise_deg > settings.max_noise * result.swing_deg:
         warnings.append(f"noise of {noise_deg:.2g}° per sample is large for a swing of {result.swing_deg:.3g}°")
     if samples.outliers:
         warnings.append(f"{samples.outliers} samples stand apart from both their neighbours: set aside")
-    if samples.usual_step_s > result.settings.max_gap * result.period_s:
+    if samples.usual_step_s > settings.max_gap * result.period_s:
         warnings.append(f"sampled coarsely: {result.period_s / samples.usual_step_s:.0f} samples per cycle")
-    return replace(result, valid=not reasons, reasons=tuple(reasons), warnings=tuple(warnings))
+    return replace(result, reasons=tuple(reasons), warnings=tuple(warnings))
 
 
 def _grasp_and_release(result: CycleAnalysis, motion: Motion) -> str:
-    """Say what shows that the object is let go and taken up again; empty where nothing does."""
+    """Return what shows that the object is let go and taken up again; empty where nothing does."""
     settings, points = result.settings, result.endpoints
     if len(points) < 3 or result.axis_share > settings.pure_axis_share:
         return ""
@@ -154,81 +156,3 @@ def _warnings(result: CycleAnalysis, period: Period) -> list[str]:
     if any("gap" in item.reason for item in result.left_out if item.primary):
         warnings.append("end points inside gaps in the data are refused")
     return warnings
-
-
-_PHASES = 48
-_MAX_CYCLES = 2000
-
-
-def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
-    """Median correlation of each cycle's angular velocity with the mean of its six neighbours.
-
-    Cycles are stretched to one length first, so tempo does not matter; nor does the size of the motion. Neighbours
-    only, because drift slowly turns the motion axis away from where it was.
-
-    Parameters
-    ----------
-    motion
-        Angular velocity of the trial, smoothed to a fortieth of a period or so: noise in ω is no unlikeness.
-    endpoint_s
-        (n,) times of the end points, n ≥ 3, s.
-
-    Returns
-    -------
-    −1 to 1; above 0.9 for a hand that repeats itself, 0.5 and less for random motion.
-    """
-    cycles = min(len(endpoint_s) - 1, _MAX_CYCLES)
-    grid_s = motion.start_s + (np.arange(len(motion.omega)) + 0.5) / motion.rate_hz
-    phase = (np.arange(_PHASES) + 0.5) / _PHASES
-    length_s = np.diff(endpoint_s[: cycles + 1])
-    at_s = endpoint_s[:cycles, None] + phase * length_s[:, None]
-    shape = np.stack([np.interp(at_s, grid_s, motion.omega[:, axis]) for axis in range(3)], axis=-1)
-    shape = (shape * length_s[:, None, None]).reshape(cycles, -1)
-    total = np.concatenate((np.zeros((1, shape.shape[1])), np.cumsum(shape, axis=0)))
-    row = np.arange(cycles)
-    others = total[np.minimum(row + 4, cycles)] - total[np.maximum(row - 3, 0)] - shape
-    scale = np.linalg.norm(shape, axis=1) * np.linalg.norm(others, axis=1)
-    return float(np.median((shape * others).sum(axis=1) / np.maximum(scale, 1e-300)))
-
-
-def irregularity(endpoint_s: FloatArray | None, prominence: FloatArray) -> float:
-    """Spread of the distances between end points and of the swings, as a share of their medians.
-
-    Each spread is 1.25 times the mean deviation from the median (the standard deviation of normal values), so that
-    one slip among few cycles does not count as irregular motion.
-
-    Parameters
-    ----------
-    endpoint_s
-        (n,) times of the end points, n ≥ 3, s; None where any tempo will do.
-    prominence
-        (n,) swing of each, any unit.
-    """
-    total = 0.0
-    for values in (prominence,) if endpoint_s is None else (np.diff(endpoint_s), prominence):
-        middle = float(np.median(values))
-        total += (1.25 * float(np.mean(np.abs(values - middle))) / max(middle, 1e-300)) ** 2
-    return float(np.sqrt(total))
-
-
-def rests(motion: Motion, period_s: float) -> tuple[float, float]:
-    """How often per cycle the object rests, and for which share of the time.
-
-    A rest is at least 3 % of a period at less than a tenth of the speed at which the turning is done (the mean of ω²
-    weighted by |ω|). A hand that turns an object to and fro rests twice per cycle at most; one that lets go, opens,
-    comes back, closes and lifts rests between all of these.
-
-    Parameters
-    ----------
-    motion
-        Angular velocity between the first and the last end point.
-    period_s
-        Length of a cycle, s.
-    """
-    speed = row_lengths(motion.omega)
-    level = 0.1 * np.sqrt((speed**3).sum() / max(float(speed.sum()), 1e-300))
-    edges = np.diff(np.concatenate(([False], speed < level, [False])).astype(np.int8))
-    length_s = (np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)) / motion.rate_hz
-    length_s = length_s[length_s > 0.03 * period_s]
-    total_s = len(speed) / motion.rate_hz
-    return len(length_s) * period_s / total_s, float(length_s.sum()) / total_s

@@ -1,38 +1,47 @@
 """Files of orientations to :class:`~analysis.series.OrientationSeries`, and back; one module per format.
 
-:func:`read_series` picks the reader from the content of the file, never from its name. Every reader says in the
-series which convention it read with, and what it assumed. :func:`write_series` picks the writer by name; nothing is
+:func:`read_series` picks the reader from the content of the file, never from its name. Every reader notes in
+the series which convention it read with, and what it assumed. :func:`write_series` picks the writer by name; nothing is
 overwritten.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from analysis.formats.columns import ColumnSpec, parse_columns
+from analysis.formats.columns import ColumnSpec, guess_names, parse_columns
 from analysis.formats.conventions import convention_warnings
 from analysis.formats.kit_csv import is_ndx, is_t42, read_ndx, read_t42, write_kit_csv
 from analysis.formats.matlab import write_matlab
-from analysis.formats.named_csv import guess_columns, read_named, write_csv, write_endpoints_csv
+from analysis.formats.named_csv import read_named, write_csv, write_endpoints_csv
 from analysis.formats.parquet import MAGIC as PARQUET_MAGIC
 from analysis.formats.parquet import read_parquet, write_parquet
-from analysis.formats.ros_bag import MCAP_MAGIC, is_bag, read_ros_bag, write_ros_bag
-from analysis.formats.text_table import delimiter_of, head_lines, is_numeric_row, plain, split_row
+from analysis.formats.ros_bag import is_bag, is_mcap, read_ros_bag, write_ros_bag
+from analysis.formats.source import SourceFile, plain
+from analysis.formats.text_table import TextTable, is_numeric_row
 from analysis.formats.time_stamps import RawSamples, to_series
 from analysis.formats.tum import is_tum, read_tum, write_tum
 from analysis.formats.ximu3_csv import is_ximu3, read_ximu3
 from analysis.series import OrientationSeries, ReaderError
 
-__all__ = ["FORMATS", "ColumnSpec", "ReaderError", "is_mcap", "parse_columns", "read_series", "write_series"]
+__all__ = [
+    "FORMATS",
+    "ColumnSpec",
+    "ReaderError",
+    "SourceFile",
+    "is_mcap",
+    "parse_columns",
+    "read_series",
+    "write_series",
+]
 
 _KNOWN = "the benchmark authors' CSV, CSV with --columns, TUM, x-IMU3 CSV, parquet, ROS bag or MCAP"
 
-Result = dict[str, Any] | None
+Writer = Callable[[OrientationSeries, dict[str, Any] | None, Path], tuple[str, ...]]
 
-FORMATS: dict[str, tuple[str, Callable[[OrientationSeries, Result, Path], tuple[str, ...]]]] = {
+FORMATS: dict[str, tuple[str, Writer]] = {
     "csv": ("CSV with named columns", write_csv),
     "endpoints": ("CSV of the end points, for rotdrift_score.m", write_endpoints_csv),
     "tum": ("TUM trajectory, for evo and SLAM tools", write_tum),
@@ -44,20 +53,8 @@ FORMATS: dict[str, tuple[str, Callable[[OrientationSeries, Result, Path], tuple[
 """Name -> (what it is, writer). A writer returns what it had to leave out or make up, for people."""
 
 
-def is_mcap(path: Path) -> bool:
-    """Tell whether a file is MCAP: a recording of this program, or a ROS 2 bag.
-
-    Parameters
-    ----------
-    path
-        The file.
-    """
-    with path.open("rb") as file:
-        return file.read(len(MCAP_MAGIC)) == MCAP_MAGIC
-
-
 def read_series(
-    path: Path | str,
+    source: Path | str | SourceFile,
     *,
     columns: str | ColumnSpec | None = None,
     rate_hz: float | None = None,
@@ -70,18 +67,14 @@ def read_series(
 
     Parameters
     ----------
-    path
-        File, or folder of a ROS 2 bag.
-    columns
+    source : Path or str or SourceFile
+        File, or folder of a ROS 2 bag; one that is open already is not opened again.
+    columns : str or ColumnSpec, optional
         What the columns of a CSV or parquet file mean (:mod:`analysis.formats.columns`); None to recognise them.
-    rate_hz
+    rate_hz : float, optional
         Sampling rate where the file has no time stamps.
-    topic
+    topic : str, optional
         Which topic of a bag, or which station of a Polhemus tracker's file.
-
-    Returns
-    -------
-    OrientationSeries
 
     Raises
     ------
@@ -90,55 +83,42 @@ def read_series(
     OSError
         The file cannot be opened.
     """
-    place = Path(path)
+    if not isinstance(source, SourceFile):
+        with SourceFile(Path(source)) as opened:
+            return read_series(opened, columns=columns, rate_hz=rate_hz, topic=topic)
     spec = parse_columns(columns) if isinstance(columns, str) else columns
-    series = to_series(_raw_samples(place, spec, topic), rate_hz)
-    found = convention_warnings(series)
-    return replace(series, warnings=(*series.warnings, *found)) if found else series
+    series = to_series(_raw_samples(source, spec, topic), source.label, rate_hz)
+    return series.with_remarks(warnings=convention_warnings(series))
 
 
-def _raw_samples(path: Path, spec: ColumnSpec | None, topic: str | None) -> RawSamples:
-    if path.is_dir():
-        if not is_bag(path, b""):
-            raise ReaderError(
-                f"{plain(path.name, 80)} is a folder without metadata.yaml, so no ROS 2 bag: give a file in it"
-            )
-        return read_ros_bag(path, topic)
-    with path.open("rb") as file:
-        start = file.read(16)
-    if not start:
-        raise ReaderError(f"{plain(path.name, 80)} is empty: record again, or give another file")
-    if is_bag(path, start):
-        return read_ros_bag(path, topic)
-    if start.startswith(PARQUET_MAGIC):
-        return read_parquet(path, spec)
-    return _text_samples(path, head_lines(path), spec, topic)
+def _raw_samples(source: SourceFile, spec: ColumnSpec | None, topic: str | None) -> RawSamples:
+    if is_bag(source.path, source.head):
+        return read_ros_bag(source.path, topic)
+    if source.path.is_dir():
+        raise ReaderError(f"{source.name} is a folder without metadata.yaml, so no ROS 2 bag: give a file in it")
+    if source.head.startswith(PARQUET_MAGIC):
+        return read_parquet(source, spec)
+    return _text_samples(TextTable(source), spec, topic)
 
 
-def _text_samples(path: Path, lines: list[str], spec: ColumnSpec | None, topic: str | None) -> RawSamples:
+def _text_samples(table: TextTable, spec: ColumnSpec | None, topic: str | None) -> RawSamples:
+    """Read a text file by the columns declared, or by the first layout that claims it."""
     if spec is not None:
-        return read_named(path, lines, spec)
-    if is_ximu3(lines):
-        return read_ximu3(path, lines)
-    if is_t42(lines):
-        return read_t42(path, lines)
-    if is_ndx(lines):
-        return read_ndx(path, lines, topic)
-    if is_tum(lines):
-        return read_tum(path, lines)
-    guessed = guess_columns(lines)
+        return read_named(table, spec)
+    if is_ximu3(table):
+        return read_ximu3(table)
+    if is_t42(table):
+        return read_t42(table)
+    if is_ndx(table):
+        return read_ndx(table, topic)
+    if is_tum(table):
+        return read_tum(table)
+    guessed = guess_names(table.names)
     if guessed is not None:
-        return read_named(path, lines, guessed, declared=False)
-    if not lines:
-        raise ReaderError(f"{plain(path.name, 80)} is empty: record again, or give another file")
-    first = lines[0]
-    what = (
-        "columns without names"
-        if is_numeric_row(split_row(first, delimiter_of(lines)))
-        else f"it starts with '{plain(first)}'"
-    )
+        return read_named(table, guessed)
+    what = "columns without names" if is_numeric_row(table.rows[0]) else f"it starts with '{plain(table.lines[0])}'"
     raise ReaderError(
-        f"{plain(path.name, 80)} is not a file known here ({what}); known are {_KNOWN}; name the columns with "
+        f"{table.source.name} is not a file known here ({what}); known are {_KNOWN}; name the columns with "
         "--columns t=…,qw=…,qx=…,qy=…,qz=…"
     )
 
@@ -150,13 +130,13 @@ def write_series(
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         What to write.
-    path
+    path : Path
         Where; must not exist.
-    kind
+    kind : str
         One of ``FORMATS``.
-    result
+    result : dict, optional
         Its score as JSON values, for the formats that hold end points.
 
     Returns

@@ -1,4 +1,4 @@
-"""What the columns of a file mean: names, units, order and convention, declared in one line.
+"""What the columns of a file mean: names, units, order and convention, declared in one line or read off their names.
 
 ``t=time,qw=q0,qx=q1,qy=q2,qz=q3,time=ms,product=jpl,maps=world-to-body`` or
 ``t=ts,e1=yaw,e2=pitch,e3=roll,angle=deg,euler=intrinsic-zyx``
@@ -7,8 +7,8 @@
 key         meaning                                                      default
 =========== ============================================================ ==============
 t           column with time                                             none: give the rate
-qw qx qy qz columns of the quaternion, each named, so order is no matter
-e1 e2 e3    columns of the Euler angles, in the order ``euler`` says
+qw qx qy qz columns of the quaternion, each named: in any order
+e1 e2 e3    columns of the Euler angles, in the order of ``euler``
 px py pz    columns of the position                                      none
 ax ay az    columns of the acceleration, body frame                      none
 time        unit of t: s, ms, us, ns                                     s
@@ -25,12 +25,14 @@ A column is given by its name in the header, or as ``#2`` by its 0-based number.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.formats.text_table import plain
+from analysis.formats.source import plain
+from analysis.formats.time_stamps import RawSamples
 from analysis.geometry import rotations
 from analysis.geometry.euler_angles import from_euler
 from analysis.series import FloatArray, ReaderError
@@ -39,14 +41,24 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
 ACCELERATION_UNITS = {"mps2": 1.0, "g": 9.80665}
-PRODUCTS = ("hamilton", "jpl")
-MAPS = ("body-to-world", "world-to-body")
 QUATERNION = ("qw", "qx", "qy", "qz")
 EULER = ("e1", "e2", "e3")
 POSITION = ("px", "py", "pz")
 ACCELERATION = ("ax", "ay", "az")
 _COLUMN_KEYS = ("t", *QUATERNION, *EULER, *POSITION, *ACCELERATION)
-_SAYS_OF = {"time": "t", "angle": "e1", "euler": "e1", "length": "px", "accel": "ax", "product": "qw"}
+_SETTINGS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "time": ("t", tuple(TIME_UNITS)),
+    "angle": ("e1", tuple(ANGLE_UNITS)),
+    "length": ("px", tuple(LENGTH_UNITS)),
+    "accel": ("ax", tuple(ACCELERATION_UNITS)),
+    "product": ("qw", ("hamilton", "jpl")),
+    "maps": ("", ("body-to-world", "world-to-body")),
+    "euler": ("e1", ()),
+}
+"""Key -> the column without which it has no meaning, and its values; none listed where they are checked otherwise."""
+_TIME_NAME = re.compile(r"^(?:t|ts|time|timestamp|time_?stamp|stamp)(?:[_ ]?[(\[]?(s|sec|ms|us|ns)[)\]]?)?$")
+_QUATERNION_NAME = re.compile(r"^(?:q|quat|quaternion|orientation|rot|rotation)?[_. ]?([wxyz])$")
+_POSITION_NAME = re.compile(r"^(?:p|pos|position|t)[_. ]?([xyz])(?:[_ ]?[(\[]?(m|cm|mm)[)\]]?)?$")
 
 
 @dataclass(frozen=True)
@@ -69,6 +81,8 @@ class ColumnSpec:
     """Quaternion product the numbers were made for."""
     maps: str = "body-to-world"
     """What the rotation does to coordinates."""
+    declared: bool = True
+    """False where the meaning was guessed from the names, which the notes of the samples then report."""
 
     @property
     def names(self) -> dict[str, str]:
@@ -98,12 +112,8 @@ def parse_columns(text: str) -> ColumnSpec:
 
     Parameters
     ----------
-    text
+    text : str
         ``key=value`` pairs with commas between; the keys are those of this module's table.
-
-    Returns
-    -------
-    ColumnSpec
 
     Raises
     ------
@@ -112,15 +122,6 @@ def parse_columns(text: str) -> ColumnSpec:
     """
     columns: dict[str, str] = {}
     settings: dict[str, str] = {}
-    allowed = {
-        "time": tuple(TIME_UNITS),
-        "angle": tuple(ANGLE_UNITS),
-        "length": tuple(LENGTH_UNITS),
-        "accel": tuple(ACCELERATION_UNITS),
-        "product": PRODUCTS,
-        "maps": MAPS,
-        "euler": (),
-    }
     for part in text.split(","):
         key, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or not value:
@@ -129,16 +130,17 @@ def parse_columns(text: str) -> ColumnSpec:
             raise ReaderError(f"--columns: {plain(key)} is given twice")
         if key in _COLUMN_KEYS:
             columns[key] = value
-        elif key in allowed:
+        elif key in _SETTINGS:
             settings[key] = value = value.lower()
-            if allowed[key] and value not in allowed[key]:
-                raise ReaderError(f"--columns: {key}={plain(value)} is not one of {', '.join(allowed[key])}")
+            _, allowed = _SETTINGS[key]
+            if allowed and value not in allowed:
+                raise ReaderError(f"--columns: {key}={plain(value)} is not one of {', '.join(allowed)}")
         else:
             raise ReaderError(
-                f"--columns: unknown key '{plain(key)}'; there are {', '.join((*_COLUMN_KEYS, *allowed))}"
+                f"--columns: unknown key '{plain(key)}'; there are {', '.join((*_COLUMN_KEYS, *_SETTINGS))}"
             )
     _check(columns, settings)
-    return ColumnSpec(columns=tuple(columns.items()), **settings)
+    return ColumnSpec(columns=tuple(columns.items()), declared=True, **settings)
 
 
 def _check(columns: dict[str, str], settings: dict[str, str]) -> None:
@@ -151,12 +153,13 @@ def _check(columns: dict[str, str], settings: dict[str, str]) -> None:
         optional = group in (POSITION, ACCELERATION)
         if missing and not (optional and len(missing) == len(group)):
             raise ReaderError(f"--columns: {', '.join(missing)} missing")
-    for key, column in _SAYS_OF.items():
-        if key in settings and column not in columns:
-            raise ReaderError(f"--columns: {key}={plain(settings[key])} says something of {column}, which is not there")
+    for key, value in settings.items():
+        column, _ = _SETTINGS[key]
+        if column and column not in columns:
+            raise ReaderError(f"--columns: {key}={plain(value)} says something of {column}, which is not there")
     if with_euler:
         kind, _, order = settings.get("euler", "").partition("-")
-        axes = "".join(order.split("-"))
+        axes = order.replace("-", "")
         if kind not in ("intrinsic", "extrinsic") or not _is_order(axes):
             raise ReaderError("--columns: Euler angles need euler=intrinsic-zyx, extrinsic-xyz or the like")
         if "angle" not in settings:
@@ -170,16 +173,48 @@ def _is_order(axes: str) -> bool:
     return len(axes) == 3 and set(axes) <= set("xyz") and axes[0] != axes[1] and axes[1] != axes[2]
 
 
+def guess_names(header: tuple[str, ...]) -> ColumnSpec | None:
+    """Recognise column names: time and the four parts of a quaternion, with the position where there is one.
+
+    Returns
+    -------
+    What the columns mean, or None where the names leave a doubt.
+    """
+    found: dict[str, str] = {}
+    units: dict[str, str] = {}
+    for name in header:
+        small = name.lower()
+        if match := _TIME_NAME.match(small):
+            key, unit = "t", {"sec": "s", None: "s"}.get(match[1], match[1])
+            units.setdefault("time", unit)
+        elif match := _POSITION_NAME.match(small):
+            key = "p" + match[1]
+            units.setdefault("length", match[2] or "m")
+        elif match := _QUATERNION_NAME.match(small):
+            key = "q" + match[1]
+        else:
+            continue
+        if key in found:  # two candidates: a person has to choose
+            return None
+        found[key] = name
+    if not set(QUATERNION) <= set(found):
+        return None
+    if not set(POSITION) <= set(found):
+        found = {key: name for key, name in found.items() if key not in POSITION}
+        units.pop("length", None)
+    return ColumnSpec(columns=tuple(found.items()), declared=False, **units)
+
+
 def column_numbers(spec: ColumnSpec, header: Sequence[str], width: int) -> tuple[int, ...]:
     """Find the declared columns.
 
     Parameters
     ----------
-    spec
+    spec : ColumnSpec
         The declaration.
-    header
+    header : sequence of str
         Column names; empty where the file has no header.
-    width
+    width : int
         Number of columns.
 
     Returns
@@ -191,7 +226,7 @@ def column_numbers(spec: ColumnSpec, header: Sequence[str], width: int) -> tuple
     ReaderError
         No such column, or two of the same name.
     """
-    found = []
+    found, columns = [], list(header)
     for key in spec.keys:
         name = spec.names[key]
         if name.startswith("#") and name[1:].isdigit() and name not in header:
@@ -200,10 +235,10 @@ def column_numbers(spec: ColumnSpec, header: Sequence[str], width: int) -> tuple
                     f"--columns: {key}={plain(name)}, but the file has {width} columns, #0 to #{width - 1}"
                 )
             found.append(int(name[1:]))
-        elif list(header).count(name) > 1:
+        elif columns.count(name) > 1:
             raise ReaderError(f"--columns: two columns are called '{plain(name)}'; name it by number, like #3")
-        elif name in header:
-            found.append(list(header).index(name))
+        elif name in columns:
+            found.append(columns.index(name))
         else:
             there = ", ".join(plain(column) for column in header[:20]) or "no header; name columns by number, like #3"
             raise ReaderError(f"--columns: no column '{plain(name)}' for {key}; the file has {there}")
@@ -218,9 +253,9 @@ def orientations(spec: ColumnSpec, values: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    spec
+    spec : ColumnSpec
         The declaration.
-    values
+    values : array of float
         (n, 4) w, x, y, z or (n, 3) Euler angles, as in the file.
 
     Returns
@@ -234,3 +269,49 @@ def orientations(spec: ColumnSpec, values: FloatArray) -> FloatArray:
         quats = values
     conjugated = (spec.product == "jpl") != (spec.maps == "world-to-body")
     return rotations.conjugate(quats) if conjugated else quats
+
+
+def samples_of(table: FloatArray, spec: ColumnSpec) -> RawSamples:
+    """Turn columns into samples.
+
+    Parameters
+    ----------
+    table : array of float
+        (n, k) values in the order of ``spec.keys``.
+    spec : ColumnSpec
+        What they mean.
+    """
+    place = {key: number for number, key in enumerate(spec.keys)}
+
+    def group(keys: tuple[str, ...]) -> FloatArray | None:
+        return table[:, [place[key] for key in keys]] if keys[0] in place else None
+
+    rotation = group(EULER if spec.euler else QUATERNION)
+    assert rotation is not None
+    position, acceleration = group(POSITION), group(ACCELERATION)
+    times_s = table[:, place["t"]] * TIME_UNITS[spec.time] if "t" in place else None
+    guessed = "columns recognised by their names; Hamilton, body to world assumed (--columns says otherwise)"
+    return RawSamples(
+        quats_wxyz=orientations(spec, rotation),
+        times_s=times_s,
+        positions_m=None if position is None else position * LENGTH_UNITS[spec.length],
+        accelerations_mps2=None if acceleration is None else acceleration * ACCELERATION_UNITS[spec.accel],
+        convention=spec.convention,
+        notes=() if spec.declared else (guessed,),
+        warnings=_unit_warnings(spec, rotation, times_s),
+    )
+
+
+def _unit_warnings(spec: ColumnSpec, rotation: FloatArray, times_s: FloatArray | None) -> tuple[str, ...]:
+    warnings = []
+    if spec.euler:
+        largest = float(np.abs(rotation).max())
+        if spec.angle == "rad" and largest > 2.0 * np.pi + 0.1:
+            warnings.append(f"angles reach {largest:.1f} though declared in radians; are they degrees?")
+        if spec.angle == "deg" and largest < np.pi + 0.01:
+            warnings.append(f"no angle exceeds {largest:.2f} though declared in degrees; are they radians?")
+    if times_s is not None and len(times_s) > 1:
+        usual = float(np.median(np.abs(np.diff(times_s))))
+        if usual > 1.0 or 0.0 < usual < 5e-5:
+            warnings.append(f"samples are {usual:.3g} s apart; is the time really in {spec.time}?")
+    return tuple(warnings)

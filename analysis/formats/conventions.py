@@ -30,11 +30,6 @@ _MAX_POINTS = 200_000  # thinned beyond this: the checks are statistics
 def convention_warnings(series: OrientationSeries) -> tuple[str, ...]:
     """Look for contradictions between the data and the convention they were read with.
 
-    Parameters
-    ----------
-    series
-        The recording as read.
-
     Returns
     -------
     One sentence for each contradiction.
@@ -76,6 +71,8 @@ def _gravity(series: OrientationSeries) -> tuple[str, ...]:
         )
     if np.degrees(rotations.distance(quats, averages.average(quats)).max()) < MIN_TURN_FOR_GRAVITY_DEG:
         return ()  # too little turning to tell one reading from another
+    # Whatever was mistaken, one of these other readings of the same numbers would be the true one, and in it gravity
+    # would stand still.
     readings = {
         "the other way round (world to body)": rotations.conjugate(quats),
         "with the scalar last": rotations.from_xyzw(quats),
@@ -96,7 +93,10 @@ def _gravity(series: OrientationSeries) -> tuple[str, ...]:
 
 
 def _wander_deg(quats: FloatArray, forces: FloatArray) -> float:
-    """Root mean square angle of the forces from their mean in the world frame, for small angles."""
+    """Return the root mean square angle of the forces from their mean in the world frame, deg; for small angles.
+
+    The mean of unit vectors at small angles α to it is shorter than they are by half the mean of α².
+    """
     in_world = rotations.rotate(quats, forces)
     steadiness = float(np.linalg.norm(in_world.mean(axis=0)) / np.linalg.norm(in_world, axis=1).mean())
     return float(np.degrees(np.sqrt(2.0 * max(1.0 - steadiness, 0.0))))

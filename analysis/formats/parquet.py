@@ -9,44 +9,43 @@ from typing import Any
 
 import numpy as np
 
-from analysis.formats.columns import QUATERNION, ColumnSpec, column_numbers
+from analysis.formats.columns import QUATERNION, ColumnSpec, column_numbers, guess_names, samples_of
 from analysis.formats.errors import WriterError
-from analysis.formats.named_csv import WRITTEN_POSITION, guess_names, samples_of
-from analysis.formats.text_table import plain
+from analysis.formats.named_csv import WRITTEN_POSITION
+from analysis.formats.source import SourceFile, plain
 from analysis.formats.time_stamps import RawSamples
-from analysis.series import OrientationSeries, ReaderError
+from analysis.series import AnalysisError, OrientationSeries, ReaderError
 
 MAGIC = b"PAR1"
 
 
-def read_parquet(path: Path, spec: ColumnSpec | None) -> RawSamples:
+def _pyarrow(what: str, missing: type[AnalysisError]) -> tuple[Any, Any]:
+    """Import pyarrow and its parquet module: an extra, and slow to import."""
+    try:
+        return importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise missing(f"{what} pyarrow: pip install 'rotdrift[parquet]'") from error
+
+
+def read_parquet(source: SourceFile, spec: ColumnSpec | None) -> RawSamples:
     """Read a parquet file.
 
     Parameters
     ----------
-    path
+    source : SourceFile
         The file.
-    spec
+    spec : ColumnSpec or None
         What the columns mean; None to go by their names.
-
-    Returns
-    -------
-    RawSamples
 
     Raises
     ------
     ReaderError
         The extra is not installed, no such columns, a column without numbers, a missing value (names the row).
     """
+    arrow, tables = _pyarrow("parquet files need", ReaderError)
     try:
-        arrow: Any = importlib.import_module("pyarrow")  # an extra, and slow to import
-        tables: Any = importlib.import_module("pyarrow.parquet")
-    except ImportError as error:
-        raise ReaderError("parquet files need pyarrow: pip install 'rotdrift[parquet]'") from error
-    try:
-        file = tables.ParquetFile(path)
+        file = tables.ParquetFile(source.rewound())
         header = tuple(file.schema_arrow.names)
-        declared = spec is not None
         if spec is None:
             spec = guess_names(header)
         if spec is None:
@@ -61,27 +60,27 @@ def read_parquet(path: Path, spec: ColumnSpec | None) -> RawSamples:
                 raise ReaderError(f"column {plain(name)} holds dates; store the time as a number")
             columns.append(column.to_numpy().astype(np.float64))
     except arrow.ArrowInvalid as error:
-        raise ReaderError(f"{plain(path.name, 80)} is not a sound parquet file: {plain(str(error), 120)}") from error
+        raise ReaderError(f"{source.name} is not a sound parquet file: {plain(str(error), 120)}") from error
     except (TypeError, ValueError) as error:
-        raise ReaderError(f"column {plain(name)} of {plain(path.name, 80)} does not hold numbers") from error
+        raise ReaderError(f"column {plain(name)} of {source.name} does not hold numbers") from error
     values = np.stack(columns, axis=1)
-    bad = ~np.isfinite(values)
-    if bad.any():
-        row, place = (int(k) for k in np.argwhere(bad)[0])
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        row, place = bad[0].tolist()
         raise ReaderError(
-            f"{plain(path.name, 80)} row {row}: no number in column {plain(wanted[place])}; mend or remove that row"
+            f"{source.name} row {row}: no number in column {plain(wanted[place])}; correct or remove that row"
         )
     if len(values) == 0:
-        raise ReaderError(f"{plain(path.name, 80)} has no data rows: record again, or give another file")
-    return samples_of(values, spec, str(path), declared=declared)
+        raise ReaderError(f"{source.name} has no data rows: record again, or give another file")
+    return samples_of(values, spec)
 
 
 def parquet_bytes(series: OrientationSeries) -> bytes:
-    """Write samples as parquet; the same samples give the same bytes.
+    """Return samples as parquet; the same samples give the same bytes.
 
     Parameters
     ----------
-    series
+    series : OrientationSeries
         What to write; columns as in the CSV, int64 and float64.
 
     Raises
@@ -89,11 +88,7 @@ def parquet_bytes(series: OrientationSeries) -> bytes:
     WriterError
         The extra is not installed.
     """
-    try:
-        arrow: Any = importlib.import_module("pyarrow")  # an extra, and slow to import
-        tables: Any = importlib.import_module("pyarrow.parquet")
-    except ImportError as error:
-        raise WriterError("parquet needs pyarrow: pip install 'rotdrift[parquet]'") from error
+    arrow, tables = _pyarrow("parquet needs", WriterError)
     columns = {series.index_kind: series.index, "t_s": series.times_s}
     columns.update(zip(QUATERNION, series.quats_wxyz.T, strict=True))
     if series.positions_m is not None:

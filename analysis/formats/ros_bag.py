@@ -1,8 +1,8 @@
 """ROS 1 bags, ROS 2 bags (folders, MCAP or db3 storage) and single MCAP files; needs the extra ``rotdrift[ros]``.
 
 Read: sensor_msgs/Imu, geometry_msgs/PoseStamped, QuaternionStamped and TransformStamped, nav_msgs/Odometry. ROS
-quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 145). An Imu without an orientation says so by
-−1 in the first element of its covariance.
+quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 145). An Imu without an orientation has −1
+in the first element of its covariance.
 
 Written: a folder with MCAP storage, ``PoseStamped`` where positions are known, else ``QuaternionStamped``, object to
 ``world``.
@@ -11,14 +11,15 @@ Written: a folder with MCAP storage, ``PoseStamped`` where positions are known, 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from analysis.formats.errors import WriterError
-from analysis.formats.text_table import plain
+from analysis.formats.source import plain
 from analysis.formats.time_stamps import RawSamples
 from analysis.geometry import rotations
 from analysis.series import OrientationSeries, ReaderError
@@ -26,7 +27,9 @@ from analysis.series import OrientationSeries, ReaderError
 ROS1_MAGIC = b"#ROSBAG V2"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 SQLITE_MAGIC = b"SQLite format 3"
-
+TOPIC = "/object/orientation"
+FRAME = "world"
+"""Topic and frame of what is written."""
 
 _LIBRARIES = {"rosbags", "lz4", "backports", "ruamel", "apsw", "bz2", "zlib"}
 _DAMAGE = (
@@ -43,56 +46,26 @@ _DAMAGE = (
     RecursionError,
     struct.error,
 )
-_MEND = "copy it anew, or recover it with an MCAP or ROS tool"
-_Pose = tuple[Any, Any | None, Any | None]  # quaternion, position, acceleration
-
-
-def _imu(message: Any) -> _Pose:  # noqa: ANN401  (generated classes of rosbags)
-    if message.orientation_covariance[0] == -1.0:
-        raise ReaderError(
-            "the sensor gives no orientation, as its orientation_covariance says; run an orientation filter, such as "
-            "imu_filter_madgwick, and record its topic"
-        )
-    return message.orientation, None, message.linear_acceleration
-
-
-def _pose(message: Any) -> _Pose:  # noqa: ANN401
-    return message.pose.orientation, message.pose.position, None
-
-
-def _quaternion(message: Any) -> _Pose:  # noqa: ANN401
-    return message.quaternion, None, None
-
-
-def _odometry(message: Any) -> _Pose:  # noqa: ANN401
-    return message.pose.pose.orientation, message.pose.pose.position, None
-
-
-def _transform(message: Any) -> _Pose:  # noqa: ANN401
-    return message.transform.rotation, message.transform.translation, None
-
-
-TYPES: dict[str, Callable[[Any], _Pose]] = {
-    "sensor_msgs/msg/Imu": _imu,
-    "geometry_msgs/msg/PoseStamped": _pose,
-    "geometry_msgs/msg/QuaternionStamped": _quaternion,
-    "geometry_msgs/msg/TransformStamped": _transform,
-    "nav_msgs/msg/Odometry": _odometry,
+_REMEDY = "copy it again, or recover it with an MCAP or ROS tool"
+_parts = attrgetter("x", "y", "z")
+TYPES = {
+    "sensor_msgs/msg/Imu": ("orientation", "", "linear_acceleration"),
+    "geometry_msgs/msg/PoseStamped": ("pose.orientation", "pose.position", ""),
+    "geometry_msgs/msg/QuaternionStamped": ("quaternion", "", ""),
+    "geometry_msgs/msg/TransformStamped": ("transform.rotation", "transform.translation", ""),
+    "nav_msgs/msg/Odometry": ("pose.pose.orientation", "pose.pose.position", ""),
 }
-"""Message types that carry an orientation, and where."""
+"""Message types that carry an orientation -> where it, the position and the acceleration stand in them."""
+
+
+def is_mcap(start: bytes) -> bool:
+    """Return whether a file is MCAP by its first bytes: a recording of this program, or a ROS 2 bag."""
+    return start.startswith(MCAP_MAGIC)
 
 
 def is_bag(path: Path, start: bytes) -> bool:
-    """Tell whether a path is a bag or an MCAP file.
-
-    Parameters
-    ----------
-    path
-        File or folder.
-    start
-        Its first bytes; empty for a folder.
-    """
-    return (path / "metadata.yaml").is_file() or start.startswith((ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC))
+    """Return whether a path is a bag or an MCAP file, by the folder's content or the file's first bytes."""
+    return is_mcap(start) or start.startswith((ROS1_MAGIC, SQLITE_MAGIC)) or (path / "metadata.yaml").is_file()
 
 
 def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
@@ -100,15 +73,15 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
 
     Parameters
     ----------
-    path
+    path : Path
         Bag file, bag folder or MCAP file.
-    topic
+    topic : str, optional
         Which topic; needed where several carry orientations.
 
     Returns
     -------
     RawSamples
-        Times are those of the message headers; where these are not set, those of reception (said in the notes).
+        Times are those of the message headers; where these are not set, those of reception, which the notes report.
 
     Raises
     ------
@@ -129,18 +102,18 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
                 (stamp_ns, reader.deserialize(data, connection.msgtype))
                 for connection, stamp_ns, data in reader.messages(connections=connections)
             )
-            return _collect(messages, TYPES[kind], path, f"{name} ({kind})")
+            return _collect(messages, kind, path, f"{name} ({kind})")
     except ReaderError:
         raise
     except AnyReaderError as error:
         what = plain(str(error), 160).rstrip(".")
-        raise ReaderError(f"{plain(path.name, 80)} cannot be read as a bag ({what}): {_MEND}") from error
+        raise ReaderError(f"{plain(path.name, 80)} cannot be read as a bag ({what}): {_REMEDY}") from error
     except Exception as error:
         # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through.
-        said_by_library = type(error).__module__.split(".")[0] in _LIBRARIES
-        if said_by_library or isinstance(error, _DAMAGE):
-            what = f" ({plain(str(error), 160)})" if said_by_library else ""  # Python's own words explain nothing
-            raise ReaderError(f"{plain(path.name, 80)} is damaged or cut off{what}: {_MEND}") from error
+        from_library = type(error).__module__.split(".")[0] in _LIBRARIES
+        if from_library or isinstance(error, _DAMAGE):
+            what = f" ({plain(str(error), 160)})" if from_library else ""  # Python's own text explains nothing
+            raise ReaderError(f"{plain(path.name, 80)} is damaged or cut off{what}: {_REMEDY}") from error
         raise
 
 
@@ -161,20 +134,27 @@ def _choose(topics: dict[str, str | None], topic: str | None, path: Path) -> tup
     return name, str(kind)
 
 
-def _collect(messages: Iterator[tuple[int, Any]], pose_of: Callable[[Any], _Pose], path: Path, what: str) -> RawSamples:
+def _collect(messages: Iterator[tuple[int, Any]], kind: str, path: Path, what: str) -> RawSamples:
     times, received, quats, positions, accelerations = [], [], [], [], []
     frames: set[tuple[str, str]] = set()
+    orientation_of, position_of, acceleration_of = (attrgetter(field) if field else None for field in TYPES[kind])
+    assert orientation_of is not None
     for stamp_ns, message in messages:
-        quat, position, acceleration = pose_of(message)
+        if getattr(message, "orientation_covariance", (0.0,))[0] == -1.0:
+            raise ReaderError(
+                "the sensor gives no orientation, as its orientation_covariance says; run an orientation filter, such "
+                "as imu_filter_madgwick, and record its topic"
+            )
+        quat = orientation_of(message)
         header = message.header.stamp
         # Whole seconds since the epoch keep 0.2 us in a double; that is enough for cycles of seconds.
         times.append(header.sec + header.nanosec * 1e-9)
         received.append(stamp_ns * 1e-9)
         quats.append((quat.w, quat.x, quat.y, quat.z))
-        if position is not None:
-            positions.append((position.x, position.y, position.z))
-        if acceleration is not None:
-            accelerations.append((acceleration.x, acceleration.y, acceleration.z))
+        if position_of is not None:
+            positions.append(_parts(position_of(message)))
+        if acceleration_of is not None:
+            accelerations.append(_parts(acceleration_of(message)))
         frames.add((str(message.header.frame_id), str(getattr(message, "child_frame_id", ""))))
     if not quats:
         raise ReaderError(f"topic {plain(what, 80)} of {plain(path.name, 80)} has no messages")
@@ -191,15 +171,10 @@ def _collect(messages: Iterator[tuple[int, Any]], pose_of: Callable[[Any], _Pose
         times_s=times_s,
         positions_m=np.array(positions, dtype=np.float64) if positions else None,
         accelerations_mps2=np.array(accelerations, dtype=np.float64) if accelerations else None,
-        convention=f"ROS {what.split('(')[-1].rstrip(')')}: quaternion x,y,z,w, Hamilton, body to world",
-        source=str(path),
+        convention=f"ROS {kind}: quaternion x,y,z,w, Hamilton, body to world",
         notes=tuple(notes),
         warnings=tuple(warnings),
     )
-
-
-TOPIC = "/object/orientation"
-FRAME = "world"
 
 
 def write_ros_bag(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:

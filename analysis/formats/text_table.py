@@ -1,7 +1,7 @@
 """Text files of numbers, read fast, and the one bad cell named when there is one.
 
 numpy's C parser reads whole files; only when it fails, or a number is not finite, a slow second pass finds the line.
-Files come from strangers: binary content, endless lines and too many columns are refused before anything is parsed, and
+Files come from strangers: binary content, endless lines and too many columns are refused before they are parsed, and
 text that goes into a message is shortened and stripped of control characters. Blank lines, lines of separators alone
 and ``#`` comments may stand anywhere; column names may stand in the last comment before the data, where numpy.savetxt
 puts them.
@@ -15,42 +15,90 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from pathlib import Path
+from functools import cached_property
+from itertools import chain, islice
+from typing import TextIO
 
 import numpy as np
 
+from analysis.formats.source import HEAD_BYTES, SourceFile, plain
 from analysis.series import FloatArray, ReaderError
 
 MAX_LINE_BYTES = 65_536
-"""A longer line is no line of numbers."""
+"""A longer line is not a line of numbers."""
 MAX_COLUMNS = 1_024
 """More columns than any recording has."""
 MAX_FILE_BYTES = 8 * 2**30
 """A text file beyond this is refused before it fills the memory."""
 COMMENT = "#"
-"""Begins a line, or the end of one, that holds no data."""
-_SCAN_BYTES = 1 << 20
+"""Starts a line, or the end of one, that holds no data."""
+_HEAD_LINES = 20
+_BLOCK_CHARACTERS = MAX_LINE_BYTES
 _NOTHING = ",; \t\r\n\0\x1a"  # a line of these alone is blank; a logger that lost power leaves zeros, DOS a Ctrl-Z
+_SEPARATORS_ALONE = re.compile(r"\n[,; \t\0\x1a]+(?=\n|\Z)")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
-def plain(text: str, limit: int = 40) -> str:
-    """Shorten text from a file and strip what could steer a terminal.
+class TextTable:
+    """A text file of numbers, known by its first lines.
 
-    Parameters
-    ----------
-    text
-        Anything.
-    limit
-        Characters kept.
-
-    Returns
-    -------
-    Printable text of at most ``limit`` + 1 characters.
+    Raises
+    ------
+    ReaderError
+        Empty, not a text file, or a line longer than ``MAX_LINE_BYTES``.
     """
-    kept = "".join(c if c.isprintable() else "?" for c in text[: limit + 1])
-    return kept[:limit] + "…" if len(kept) > limit else kept
+
+    def __init__(self, source: SourceFile) -> None:
+        self.source = source
+        self.lines = _first_lines(source)
+        """Non-blank lines, at least one, without line ends, a byte order mark and comments removed. A comment that
+        names the columns stays, as the first line."""
+        if not self.lines:
+            raise ReaderError(f"{source.name} is empty: record again, or give another file")
+        self.delimiter = delimiter_of(self.lines)
+        """Column separator of the first line."""
+
+    @cached_property
+    def rows(self) -> list[list[str]]:
+        """Cells of the first lines."""
+        return [split_row(line, self.delimiter) for line in self.lines]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Cells of the first line, as column names; see :func:`split_header`."""
+        return split_header(self.lines[0], self.delimiter)
+
+    @property
+    def header_lines(self) -> int:
+        """Lines before the data where the first line names the columns: none if it is a comment."""
+        return 0 if self.lines[0].startswith(COMMENT) else 1
+
+
+def _first_lines(source: SourceFile) -> list[str]:
+    start = source.head
+    if b"\0" in start.rstrip(_NOTHING.encode()):
+        raise ReaderError(f"{source.name} is not text, nor a binary format known here: save it as CSV")
+    lines = start.removeprefix(codecs.BOM_UTF8).splitlines()
+    if len(start) == HEAD_BYTES:
+        lines.pop()  # cut off in the middle
+    if start and not start.strip():
+        raise ReaderError(f"{source.name} has no lines of text: record again, or give another file")
+    if any(len(line) > MAX_LINE_BYTES for line in lines[:_HEAD_LINES]) or (start and not lines):
+        raise ReaderError(f"{source.name} has lines of over {MAX_LINE_BYTES} bytes; it is not a table of numbers")
+    texts = (line.decode("utf-8", "replace") for line in lines)
+    return _without_comments([text for text in texts if text.strip(_NOTHING)])[:_HEAD_LINES]
+
+
+def _without_comments(lines: list[str]) -> list[str]:
+    """Drop comments, but for the last one before the data if it names as many columns as there are."""
+    rows = [line for line in lines if not line.startswith(COMMENT)]
+    before = lines.index(rows[0]) if rows else 0
+    if before:
+        delimiter = delimiter_of(rows)
+        cells = split_row(rows[0], delimiter)
+        if is_numeric_row(cells) and len(split_header(lines[before - 1], delimiter)) == len(cells):
+            return [lines[before - 1], *rows]
+    return rows
 
 
 @dataclass(frozen=True)
@@ -67,106 +115,7 @@ class Layout:
     """What each of them is called in messages."""
 
 
-def head_lines(path: Path, limit: int = 20) -> list[str]:
-    """Read the first lines of a text file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    limit
-        How many lines at most.
-
-    Returns
-    -------
-    Non-blank lines without line ends, a byte order mark and comments removed. A comment that names the columns stays,
-    as the first line.
-
-    Raises
-    ------
-    ReaderError
-        Not a text file, or a line longer than ``MAX_LINE_BYTES``.
-    """
-    with path.open("rb") as file:
-        start = file.read(4 * MAX_LINE_BYTES)
-    if b"\0" in start.rstrip(_NOTHING.encode()):
-        raise ReaderError(f"{plain(path.name, 80)} is not text, nor a binary format known here: save it as CSV")
-    lines = start.removeprefix(codecs.BOM_UTF8).split(b"\n")
-    if len(start) == 4 * MAX_LINE_BYTES:
-        lines.pop()  # cut off in the middle
-    if start and not start.strip():
-        raise ReaderError(f"{plain(path.name, 80)} has no lines of text: record again, or give another file")
-    if any(len(line) > MAX_LINE_BYTES for line in lines[:limit]) or (start and not lines):
-        raise ReaderError(f"{plain(path.name, 80)} has lines of over {MAX_LINE_BYTES} bytes; it is no table of numbers")
-    texts = (line.decode("utf-8", "replace").strip("\r\n") for line in lines)
-    return _without_comments([text for text in texts if text.strip(_NOTHING)])[:limit]
-
-
-def _without_comments(lines: list[str]) -> list[str]:
-    """Drop comments, but for the last one before the data if it names as many columns as there are."""
-    rows = [line for line in lines if not line.startswith(COMMENT)]
-    before = lines.index(rows[0]) if rows else 0
-    if before:
-        delimiter = delimiter_of(rows)
-        cells = split_row(rows[0], delimiter)
-        if is_numeric_row(cells) and len(split_header(lines[before - 1], delimiter)) == len(cells):
-            return [lines[before - 1], *rows]
-    return rows
-
-
-def delimiter_of(lines: Sequence[str]) -> str | None:
-    """Find the column separator of the first line: semicolon, tab or comma; None for white space.
-
-    Parameters
-    ----------
-    lines
-        The first lines of the file.
-    """
-    return next((mark for mark in (";", "\t", ",") if lines and mark in lines[0]), None)
-
-
-def header_lines(lines: Sequence[str]) -> int:
-    """Count the lines before the data where the first line names the columns: none if it is a comment.
-
-    Parameters
-    ----------
-    lines
-        From :func:`head_lines`.
-    """
-    return 0 if lines[0].startswith(COMMENT) else 1
-
-
-def check_lines(path: Path) -> None:
-    """Refuse files that no table of numbers looks like, in one fast pass.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Raises
-    ------
-    ReaderError
-        Too large, or a line longer than ``MAX_LINE_BYTES``.
-    """
-    if path.stat().st_size > MAX_FILE_BYTES:
-        raise ReaderError(
-            f"{plain(path.name, 80)} is larger than {MAX_FILE_BYTES // 2**30} GiB; cut it into trials first"
-        )
-    line_start, offset = 0, 0
-    with path.open("rb") as file:
-        while block := file.read(_SCAN_BYTES):
-            ends = np.flatnonzero(np.frombuffer(block, dtype=np.uint8) == ord("\n")) + offset
-            edges = np.concatenate(([line_start], ends, [offset + len(block)]))
-            if np.diff(edges).max() > MAX_LINE_BYTES:
-                raise ReaderError(
-                    f"{plain(path.name, 80)} has a line longer than {MAX_LINE_BYTES} bytes; it is no table of numbers"
-                )
-            line_start = int(edges[-2])
-            offset += len(block)
-
-
-def read_table(path: Path, layout: Layout) -> tuple[FloatArray, tuple[str, ...]]:
+def read_table(source: SourceFile, layout: Layout) -> tuple[FloatArray, tuple[str, ...]]:
     """Read the wanted columns of a text file.
 
     A last line that has no line end and fewer columns than the first was being written when the recorder died: it is
@@ -174,9 +123,9 @@ def read_table(path: Path, layout: Layout) -> tuple[FloatArray, tuple[str, ...]]
 
     Parameters
     ----------
-    path
+    source : SourceFile
         The file.
-    layout
+    layout : Layout
         Where the numbers are.
 
     Returns
@@ -189,100 +138,93 @@ def read_table(path: Path, layout: Layout) -> tuple[FloatArray, tuple[str, ...]]
     Raises
     ------
     ReaderError
-        A cell that is no finite number (names line and column), no rows, or a file that is no table.
+        Too large, a line too long, a cell that is not a finite number (names line and column), or no rows.
     """
-    check_lines(path)
-    if _ends_within_a_row(path, layout):
-        return _load_cleaned(path, layout, cut=True), ("the last line is cut off and left out",)
+    if os.fstat(source.file.fileno()).st_size > MAX_FILE_BYTES:
+        raise ReaderError(f"{source.name} is larger than {MAX_FILE_BYTES // 2**30} GiB; cut it into trials first")
+    rows = _DataRows(source, layout)
     try:
-        table = _load(path, layout)
-    except (ValueError, UnicodeDecodeError, IndexError) as error:
-        fault = _first_fault(path, layout)
-        if fault is not None:
-            raise fault from error
-        table = _load_cleaned(path, layout)
+        table = rows.load()
+    except (ValueError, IndexError) as error:
+        unnamed = ReaderError(f"{source.name} cannot be read as numbers: {plain(str(error), 200)}")
+        raise _first_fault(source, layout) or unnamed from error
     if len(table) == 0:
-        raise ReaderError(f"{plain(path.name, 80)} has no data rows: record again, or give another file")
+        raise ReaderError(f"{source.name} has no data rows: record again, or give another file")
     if not np.isfinite(table).all():
-        fault = _first_fault(path, layout)
+        fault = _first_fault(source, layout)
         assert fault is not None
         raise fault
-    return table, ()
+    return table, ("the last line is cut off and left out",) if rows.cut else ()
 
 
-def _load(path: Path, layout: Layout) -> FloatArray:
-    # Blank lines before the data are not counted by `data_lines`, so the header is skipped by its place in the file.
-    skip = next((number for number, _ in _data_lines(path, layout)), None)
-    if skip is None:
-        return np.empty((0, len(layout.columns)))
-    # An absolute path: numpy takes names like http://… for addresses and would fetch them.
-    return np.loadtxt(
-        os.fspath(path.resolve()),
-        delimiter=layout.delimiter,
-        skiprows=skip - 1,
-        usecols=layout.columns,
-        comments=COMMENT,
-        quotechar='"',
-        ndmin=2,
-        encoding="utf-8-sig" if skip == 1 else "utf-8",
-    )
+class _DataRows:
+    """The lines of a file from the first data row on, in one pass."""
 
+    def __init__(self, source: SourceFile, layout: Layout) -> None:
+        self.cut = False
+        """Whether the last line was left out; known after :meth:`load`."""
+        self._source = source
+        self._layout = layout
+        self._width = 0  # columns of the first row; 0 before it
 
-def _ends_within_a_row(path: Path, layout: Layout) -> bool:
-    with path.open("rb") as file:
-        file.seek(-min(path.stat().st_size, MAX_LINE_BYTES), os.SEEK_END)
-        last = file.read().rpartition(b"\n")[2].decode("utf-8", "replace")
-    _, first = next(_data_lines(path, layout), (0, ""))
-    cells = last.split(layout.delimiter)
-    return bool(last.strip(_NOTHING)) and last.strip() != first and len(cells) < len(first.split(layout.delimiter))
+    def load(self) -> FloatArray:
+        layout = self._layout
+        with self._source.text() as file:
+            lines = chain.from_iterable(self._blocks(file))
+            first = next(islice(filter(_is_data, lines), layout.header_lines, None), None)
+            if first is None:
+                return np.empty((0, len(layout.columns)))
+            self._width = len(first.split(layout.delimiter))
+            return np.loadtxt(
+                chain((first,), lines),
+                delimiter=layout.delimiter,
+                usecols=layout.columns,
+                comments=COMMENT,
+                quotechar='"',
+                ndmin=2,
+            )
 
-
-def _load_cleaned(path: Path, layout: Layout, *, cut: bool = False) -> FloatArray:
-    """Read what numpy stumbles over though every number is sound, such as lines of separators alone; slower."""
-    texts = (text for _, text in _data_lines(path, layout))
-    try:
-        return np.loadtxt(
-            (text for text, _ in pairwise(texts)) if cut else texts,
-            delimiter=layout.delimiter,
-            usecols=layout.columns,
-            comments=COMMENT,
-            quotechar='"',
-            ndmin=2,
-        )
-    except ValueError as error:
-        raise ReaderError(f"{plain(path.name, 80)} cannot be read as numbers: {plain(str(error), 200)}") from error
-
-
-def _data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
-    """Yield line number (from 1) and text of every data row."""
-    left = layout.header_lines
-    with path.open(encoding="utf-8-sig", errors="replace", newline="\n") as file:
-        for number, line in enumerate(file, start=1):
-            text = line.strip(" \t\r\n") if layout.delimiter is None else line.strip(" \r\n")
-            if not text.strip(_NOTHING) or text.startswith(COMMENT):
-                continue
-            if left > 0:
-                left -= 1
-                continue
-            yield number, text
-
-
-def _first_fault(path: Path, layout: Layout) -> ReaderError | None:
-    """Find the first cell that is not a finite number; None where all are."""
-    for number, text in _data_lines(path, layout):
-        where = f"{plain(path.name, 80)} line {number}"
-        cells = text.split(COMMENT, 1)[0].split(layout.delimiter)
-        for column, name in zip(layout.columns, layout.names, strict=True):
-            if column >= len(cells):
-                return ReaderError(
-                    f"{where}: {len(cells)} columns, but {plain(name)} is column {column + 1}; mend or remove that line"
+    def _blocks(self, file: TextIO) -> Iterator[list[str]]:
+        """Yield the lines, many at a time: numpy takes whole blocks of them as fast as a file of its own."""
+        rest = ""
+        while block := file.read(_BLOCK_CHARACTERS):
+            # Each line stands behind its line end here, so that one search finds blank ones, the first as well.
+            whole, _, rest = f"\n{rest}{block}".rpartition("\n")
+            lines = _SEPARATORS_ALONE.sub("", whole).split("\n")
+            if max(len(rest), *map(len, lines[:2])) > MAX_LINE_BYTES:  # the others start and end within the block
+                raise ReaderError(
+                    f"{self._source.name} has a line longer than {MAX_LINE_BYTES} bytes; it is not a table of numbers"
                 )
-            cell = _bare(cells[column])
-            if not _is_number(cell):
-                what = f"'{plain(cell)}' is not a number" if cell else "nothing where a number should be"
-                comma = layout.delimiter != "," and _DECIMAL_COMMA.match(cell)
-                mend = "save the file with decimal points" if comma else "mend or remove that line"
-                return ReaderError(f"{where}: {what} in column {plain(name)}; {mend}")
+            yield lines
+        if _is_data(rest):
+            self.cut = len(rest.split(self._layout.delimiter)) < self._width
+            yield [] if self.cut else [rest]
+
+
+def _is_data(line: str) -> bool:
+    return bool(line.strip(_NOTHING)) and not line.lstrip().startswith(COMMENT)
+
+
+def _first_fault(source: SourceFile, layout: Layout) -> ReaderError | None:
+    """Find the first cell that is not a finite number; None where all are."""
+    with source.text() as file:
+        data = ((number, line) for number, line in enumerate(file, start=1) if _is_data(line))
+        for number, line in islice(data, layout.header_lines, None):
+            where = f"{source.name} line {number}"
+            cells = line.strip(" \n").split(COMMENT, 1)[0].split(layout.delimiter)
+            for column, name in zip(layout.columns, layout.names, strict=True):
+                if column >= len(cells):
+                    return ReaderError(
+                        f"{where}: {len(cells)} columns, but {plain(name)} is column {column + 1}; "
+                        "mend or remove that line"
+                    )
+                cell = _bare(cells[column])
+                if not _is_number(cell):
+                    what = f"'{plain(cell)}' is not a number" if cell else "nothing where a number should be"
+                    comma = layout.delimiter != "," and _DECIMAL_COMMA.match(cell)
+                    # A warning of a result may quote this sentence (T42), so its words are values.
+                    remedy = "save the file with decimal points" if comma else "mend or remove that line"
+                    return ReaderError(f"{where}: {what} in column {plain(name)}; {remedy}")
     return None
 
 
@@ -299,16 +241,13 @@ def _is_number(cell: str) -> bool:
         return False
 
 
-def split_row(line: str, delimiter: str | None) -> list[str]:
-    """Split a line into its cells, without spaces and quotes around them; empty cells at the end are dropped.
+def delimiter_of(lines: Sequence[str]) -> str | None:
+    """Return the column separator of the first line: semicolon, tab or comma; None for white space."""
+    return next((mark for mark in (";", "\t", ",") if lines and mark in lines[0]), None)
 
-    Parameters
-    ----------
-    line
-        The line.
-    delimiter
-        Column separator; None for white space.
-    """
+
+def split_row(line: str, delimiter: str | None) -> list[str]:
+    """Return the cells of a line, without spaces and quotes around them; empty cells at the end are dropped."""
     cells = [_bare(cell) for cell in line.split(delimiter)]
     while cells and not cells[-1]:
         cells.pop()
@@ -316,18 +255,7 @@ def split_row(line: str, delimiter: str | None) -> list[str]:
 
 
 def split_header(line: str, delimiter: str | None = ",") -> tuple[str, ...]:
-    """Split a header line into column names.
-
-    Parameters
-    ----------
-    line
-        The line, perhaps a comment.
-    delimiter
-        Column separator; None for white space.
-
-    Returns
-    -------
-    Names without spaces and quotes around them.
+    """Return the column names in a header line, perhaps a comment, without spaces and quotes around them.
 
     Raises
     ------
@@ -341,11 +269,5 @@ def split_header(line: str, delimiter: str | None = ",") -> tuple[str, ...]:
 
 
 def is_numeric_row(cells: Sequence[str]) -> bool:
-    """Tell whether all cells are numbers.
-
-    Parameters
-    ----------
-    cells
-        Cells of one line, from :func:`split_row`.
-    """
+    """Return whether all cells of a line, from :func:`split_row`, are numbers."""
     return bool(cells) and all(_is_number(cell) for cell in cells)

@@ -1,13 +1,13 @@
-"""From raw time stamps to a series: missing, repeated and backward times, and gaps, each handled and said."""
+"""From raw time stamps to a series: missing, repeated and backward times, and gaps, each handled and noted."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.series import NORM_TOLERANCE, FloatArray, IntArray, OrientationSeries, ReaderError, SetAside
+from analysis.series import NORM_TOLERANCE, BoolArray, FloatArray, IntArray, OrientationSeries, ReaderError, SetAside
 
 MAX_SET_ASIDE = 0.5
 """If more than this share of the rows has an impossible time, the time column is not one."""
@@ -24,8 +24,6 @@ class RawSamples:
     """(n,) as found, in any order; None where the file has none."""
     convention: str
     """For people."""
-    source: str
-    """For people."""
     positions_m: FloatArray | None = None
     """(n, 3)."""
     accelerations_mps2: FloatArray | None = None
@@ -36,25 +34,27 @@ class RawSamples:
     """What the reader doubts."""
     assumed_rate_hz: float | None = None
     """Rate of the rig where the file has no time stamps and none is given."""
-    index: IntArray | None = field(default=None)
+    index: IntArray | None = None
     """(n,) row numbers where they are not 0 … n−1."""
 
 
-def to_series(raw: RawSamples, rate_hz: float | None = None) -> OrientationSeries:
+def to_series(raw: RawSamples, source: str, rate_hz: float | None = None) -> OrientationSeries:
     """Make a series of raw samples.
 
     Parameters
     ----------
-    raw
+    raw : RawSamples
         What the reader found.
-    rate_hz
+    source : str
+        What it was read from, for people.
+    rate_hz : float, optional
         Sampling rate; needed where the file has no time stamps, not allowed to contradict them.
 
     Returns
     -------
     OrientationSeries
         Rows with a repeated or backward time are set aside (the fewest that must go) and can still be named as end
-        points; notes say what was done.
+        points; notes report what was done.
 
     Raises
     ------
@@ -71,39 +71,40 @@ def to_series(raw: RawSamples, rate_hz: float | None = None) -> OrientationSerie
         times_s = raw.times_s
         if rate_hz is not None:
             notes.append(f"the file has time stamps; the rate given ({rate_hz:g} Hz) was not used")
-    keep = np.ones(n, dtype=bool)
-    backward = np.diff(times_s) < 0.0
+    intervals = np.diff(times_s)
+    backward = intervals < 0.0
+    # Where time goes backwards, any of the rows around may be the wrong one: the fewest are set aside that leave the
+    # rest in order. Where times only repeat, the first of them stays.
+    keep = _longest_increasing(times_s) if backward.any() else np.concatenate(([True], intervals > 0.0))[:n]
+    lost = int(np.sum(~keep))
     if backward.any():
-        keep = _longest_increasing(times_s)
         first = int(np.argmax(backward)) + 1
         notes.append(
             f"time goes backwards {int(backward.sum())} times, first at row {rows[first]} "
-            f"(by {times_s[first - 1] - times_s[first]:.6g} s); {int(np.sum(~keep))} rows set aside"
+            f"(by {times_s[first - 1] - times_s[first]:.6g} s); {lost} rows set aside"
         )
-    elif (np.diff(times_s) == 0.0).any():
-        keep[1:] = np.diff(times_s) > 0.0
-        notes.append(f"{int(np.sum(~keep))} rows repeat the time stamp of the row before and were set aside")
-    if np.sum(~keep) > MAX_SET_ASIDE * n:
-        raise ReaderError(
-            f"{int(np.sum(~keep))} of {n} time stamps do not increase; is the time column the right one, and in order?"
-        )
-    return OrientationSeries(
+    elif lost:
+        notes.append(f"{lost} rows repeat the time stamp of the row before and were set aside")
+    if lost > MAX_SET_ASIDE * n:
+        raise ReaderError(f"{lost} of {n} time stamps do not increase; is the time column the right one, and in order?")
+    series = OrientationSeries(
         times_s=times_s[keep],
         quats_wxyz=raw.quats_wxyz[keep],
         index=rows[keep],
         positions_m=None if raw.positions_m is None else raw.positions_m[keep],
         accelerations_mps2=None if raw.accelerations_mps2 is None else raw.accelerations_mps2[keep],
-        source=raw.source,
+        source=source,
         convention=raw.convention,
-        notes=(*notes, *_gap_notes(times_s[keep])),
+        notes=tuple(notes),
         warnings=raw.warnings,
         times_measured=raw.times_s is not None,
-        set_aside=None if keep.all() else _set_aside(raw, times_s, rows, ~keep),
+        set_aside=_set_aside(raw, times_s, rows, ~keep) if lost else None,
     )
+    return series.with_remarks(notes=_gap_notes(series))
 
 
 def _check_norms(raw: RawSamples, rows: IntArray) -> None:
-    with np.errstate(over="ignore"):  # numbers beyond all reason are refused below, without a word of numpy's
+    with np.errstate(over="ignore"):  # numbers beyond all reason are refused below, without a warning of numpy's
         norms = np.linalg.norm(raw.quats_wxyz, axis=1)
     bad = ~(np.abs(norms - 1.0) <= NORM_TOLERANCE)
     if bad.any():
@@ -120,16 +121,16 @@ def _times_from_rate(raw: RawSamples, rate_hz: float | None, notes: list[str]) -
         raise ReaderError("the file has no time stamps; give the sampling rate with --rate HZ")
     if not (0.1 <= rate <= 1e5):
         raise ReaderError(f"a sampling rate of {rate:g} Hz makes no sense; 0.1 to 100000 does")
-    said = "as given" if rate_hz is not None else "assumed from the rig; --rate HZ says otherwise"
-    notes.append(f"no time stamps in the file: {rate:g} Hz, {said}")
+    whence = "as given" if rate_hz is not None else "assumed from the rig; --rate HZ says otherwise"
+    notes.append(f"no time stamps in the file: {rate:g} Hz, {whence}")
     return np.arange(len(raw.quats_wxyz)) / rate
 
 
-def _longest_increasing(times_s: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Mark a longest strictly increasing subsequence (patience sorting): the fewest rows are lost."""
-    tails: list[float] = []
-    places: list[int] = []
-    before = np.full(len(times_s), -1)
+def _longest_increasing(times_s: FloatArray) -> BoolArray:
+    """Return (n,) a longest strictly increasing subsequence (patience sorting): the fewest rows are lost."""
+    tails: list[float] = []  # at k, the lowest time that ends an increasing row of k + 1 of those met so far
+    places: list[int] = []  # and where that time stands
+    before = np.full(len(times_s), -1)  # the one before each in the longest row that ends with it
     for k, value in enumerate(times_s.tolist()):
         pile = bisect_left(tails, value)
         before[k] = places[pile - 1] if pile else -1
@@ -147,7 +148,7 @@ def _longest_increasing(times_s: FloatArray) -> np.ndarray[tuple[int], np.dtype[
     return keep
 
 
-def _set_aside(raw: RawSamples, times_s: FloatArray, rows: IntArray, out: FloatArray) -> SetAside:
+def _set_aside(raw: RawSamples, times_s: FloatArray, rows: IntArray, out: BoolArray) -> SetAside:
     norms = np.linalg.norm(raw.quats_wxyz[out], axis=1, keepdims=True)
     return SetAside(
         times_s=times_s[out],
@@ -157,17 +158,14 @@ def _set_aside(raw: RawSamples, times_s: FloatArray, rows: IntArray, out: FloatA
     )
 
 
-def _gap_notes(times_s: FloatArray) -> tuple[str, ...]:
-    """Say where samples are missing."""
-    intervals = np.diff(times_s)
-    if not len(intervals):
+def _gap_notes(series: OrientationSeries) -> tuple[str, ...]:
+    """Return a note on where samples are missing."""
+    gaps_s = series.gaps(_GAP_FACTOR)
+    if not len(gaps_s):
         return ()
-    usual = float(np.median(intervals))
-    wide = np.flatnonzero(intervals > _GAP_FACTOR * usual)
-    if not len(wide):
-        return ()
-    longest = int(wide[np.argmax(intervals[wide])])
+    lengths_s = gaps_s[:, 1] - gaps_s[:, 0]
+    longest = int(np.argmax(lengths_s))
     return (
-        f"{len(wide)} gaps longer than {_GAP_FACTOR:g} times the usual {usual * 1e3:.3g} ms, longest "
-        f"{intervals[longest]:.3g} s at {times_s[longest] - times_s[0]:.3f} s after the first sample",
+        f"{len(gaps_s)} gaps longer than {_GAP_FACTOR:g} times the usual {series.interval_s * 1e3:.3g} ms, longest "
+        f"{lengths_s[longest]:.3g} s at {gaps_s[longest, 0] - series.times_s[0]:.3f} s after the first sample",
     )

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.formats.columns import ACCELERATION_UNITS
-from analysis.formats.text_table import Layout, head_lines, plain, read_table, split_header
+from analysis.formats.columns import ACCELERATION_UNITS, TIME_UNITS
+from analysis.formats.source import SourceFile
+from analysis.formats.text_table import Layout, TextTable, read_table, split_header
 from analysis.formats.time_stamps import RawSamples
 from analysis.series import FloatArray, ReaderError
 
@@ -21,64 +22,48 @@ INERTIAL_NAME = "Inertial.csv"
 ACCELEROMETER = ("Timestamp (us)", "Accelerometer X (g)", "Accelerometer Y (g)", "Accelerometer Z (g)")
 
 
-def is_ximu3(lines: list[str]) -> bool:
-    """Tell whether the first line is the header of any x-IMU3 message file.
-
-    Parameters
-    ----------
-    lines
-        The first lines of the file.
-    """
-    return bool(lines) and split_header(lines[0])[0] == QUATERNION_HEADER[0]
+def is_ximu3(table: TextTable) -> bool:
+    """Return whether the first line is the header of any x-IMU3 message file."""
+    return split_header(table.lines[0])[0] == QUATERNION_HEADER[0]
 
 
-def read_ximu3(path: Path, lines: list[str]) -> RawSamples:
+def read_ximu3(table: TextTable) -> RawSamples:
     """Read an x-IMU3 quaternion file, and the accelerometer file beside it where there is one.
-
-    Parameters
-    ----------
-    path
-        The file.
-    lines
-        Its first lines.
-
-    Returns
-    -------
-    RawSamples
 
     Raises
     ------
     ReaderError
-        Another message file than the quaternion's, or a cell that is no number.
+        Another message file than the quaternion's, or a cell that is not a number.
     """
-    if split_header(lines[0]) != QUATERNION_HEADER:
+    source = table.source
+    if split_header(table.lines[0]) != QUATERNION_HEADER:
         raise ReaderError(
-            f"{plain(path.name, 80)} is an x-IMU3 file without quaternions; give the Quaternion.csv of the same folder"
+            f"{source.name} is an x-IMU3 file without quaternions; give the Quaternion.csv of the same folder"
         )
-    table, cut = read_table(path, Layout(",", 1, tuple(range(5)), QUATERNION_HEADER))
-    times_s = table[:, 0] * 1e-6
-    accelerations, note = _accelerations(path.with_name(INERTIAL_NAME), times_s)
+    values, cut = read_table(source, Layout(",", 1, tuple(range(5)), QUATERNION_HEADER))
+    times_s = values[:, 0] * TIME_UNITS["us"]
+    accelerations, note = _accelerations(source.path.with_name(INERTIAL_NAME), times_s)
     return RawSamples(
-        quats_wxyz=table[:, 1:5].copy(),
+        quats_wxyz=values[:, 1:5].copy(),
         times_s=times_s,
         accelerations_mps2=accelerations,
         convention="x-IMU3: quaternion w,x,y,z, Hamilton, sensor to Earth",
-        source=str(path),
         notes=("x-IMU3 layout: time in us", *cut, *note),
     )
 
 
 def _accelerations(path: Path, times_s: FloatArray) -> tuple[FloatArray | None, tuple[str, ...]]:
-    """Accelerometer at the times of the quaternions; None where there is no usable file."""
+    """Return (n, 3) accelerometer at the times of the quaternions, m/s²; None where there is no usable file."""
     if not path.is_file():
         return None, ()
     try:
-        header = split_header(head_lines(path, 1)[0])
-        columns = tuple(header.index(name) for name in ACCELEROMETER)
-        table, _ = read_table(path, Layout(",", 1, columns, ACCELEROMETER))
-    except (ReaderError, ValueError, IndexError, OSError):
+        with SourceFile(path) as source:
+            header = split_header(TextTable(source).lines[0])
+            columns = tuple(header.index(name) for name in ACCELEROMETER)
+            table, _ = read_table(source, Layout(",", 1, columns, ACCELEROMETER))
+    except (ReaderError, ValueError, OSError):
         return None, (f"{INERTIAL_NAME} beside it could not be used",)
     order = np.argsort(table[:, 0], kind="stable")
-    at = table[order, 0] * 1e-6
+    at = table[order, 0] * TIME_UNITS["us"]
     values = np.stack([np.interp(times_s, at, table[order, k]) for k in (1, 2, 3)], axis=1)
     return values * ACCELERATION_UNITS["g"], (f"accelerations from {INERTIAL_NAME} beside it",)

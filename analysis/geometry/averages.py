@@ -13,13 +13,13 @@ from analysis.geometry.rotations import FloatArray
 
 
 def average(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> FloatArray:
-    """Eigenvector of M = Σ wᵢ qᵢ qᵢᵀ with the largest eigenvalue; card step 3.
+    """Return the eigenvector of M = Σ wᵢ qᵢ qᵢᵀ with the largest eigenvalue; card step 3.
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array_like
         (n, 4) unit, n ≥ 1; signs do not matter.
-    weights
+    weights : array_like, optional
         (n,) ≥ 0, default all 1.
 
     Returns
@@ -35,16 +35,16 @@ def average(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> 
 
 
 def average_and_share(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> tuple[FloatArray, float]:
-    """:func:`average`, and the largest eigenvalue as a share of the sum of all four.
+    """Return :func:`average`, and the largest eigenvalue as a share of the sum of all four.
 
     The share is 1 when all rotations agree and falls as they scatter; it is the mean cos² of half the angles to the
     average, so 0.98 is a scatter of 16 degrees.
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array_like
         (n, 4) unit, n ≥ 1; signs do not matter.
-    weights
+    weights : array_like, optional
         (n,) ≥ 0, default all 1.
 
     Returns
@@ -73,13 +73,13 @@ def average_and_share(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike | None =
 
 
 def average_each(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike) -> FloatArray:
-    """:func:`average` of k groups at once: what one group costs alone is mostly numpy's own cost per call.
+    """Return :func:`average` of k groups at once: what one group costs alone is mostly numpy's own cost per call.
 
     Parameters
     ----------
-    quats_wxyz
+    quats_wxyz : array_like
         (k, m, 4) unit; groups of fewer than m are filled up with anything of weight 0, behind the first.
-    weights
+    weights : array_like
         (k, m) ≥ 0.
 
     Returns

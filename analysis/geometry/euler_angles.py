@@ -19,11 +19,11 @@ def from_euler(angles_rad: npt.ArrayLike, order: str, *, intrinsic: bool) -> Flo
 
     Parameters
     ----------
-    angles_rad
+    angles_rad : array_like
         (..., 3) rad, in the order of ``order``.
-    order
+    order : str
         Three of x, y, z, e.g. ``"zyx"``; neighbours differ.
-    intrinsic
+    intrinsic : bool
         True: about the axes of the turning body (written Z-Y'-X''); false: about the fixed axes.
 
     Returns
@@ -50,11 +50,11 @@ def from_euler(angles_rad: npt.ArrayLike, order: str, *, intrinsic: bool) -> Flo
 
 
 def to_euler_zyx(q: npt.ArrayLike) -> FloatArray:
-    """Intrinsic z-y-x angles (azimuth, elevation, roll); reversed, they are the extrinsic x-y-z angles.
+    """Return intrinsic z-y-x angles (azimuth, elevation, roll); reversed, they are the extrinsic x-y-z angles.
 
     Parameters
     ----------
-    q
+    q : array_like
         (..., 4) unit, scalar first.
 
     Returns

@@ -55,11 +55,11 @@ def _flat(a: FloatArray, shape: tuple[int, ...]) -> FloatArray:
 
 
 def multiply(p: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
-    """Hamilton product p ⊗ q: first q, then p, for body-to-world orientations.
+    """Return the Hamilton product p ⊗ q: first q, then p, for body-to-world orientations.
 
     Parameters
     ----------
-    p, q
+    p, q : array_like
         (..., 4) scalar first; broadcast against each other.
 
     Returns
@@ -85,17 +85,7 @@ def _complex_pair(rows: FloatArray) -> tuple[npt.NDArray[np.complex128], npt.NDA
 
 
 def conjugate(q: npt.ArrayLike) -> FloatArray:
-    """q*: the inverse of a unit quaternion.
-
-    Parameters
-    ----------
-    q
-        (..., 4) scalar first.
-
-    Returns
-    -------
-    (..., 4)
-    """
+    """Return q* (..., 4), the inverse of unit quaternions (..., 4)."""
     quats = checked_quats(q)
     if quats.size < 4 * _BLOCK or not quats.flags.c_contiguous:
         out = np.negative(quats)
@@ -110,28 +100,21 @@ def conjugate(q: npt.ArrayLike) -> FloatArray:
 
 
 def difference(later: npt.ArrayLike, earlier: npt.ArrayLike) -> FloatArray:
-    """Left (world-frame) difference r = q_later ⊗ q_earlier⁻¹; card step 2.
+    """Return the left difference r = q_later ⊗ q_earlier⁻¹ (..., 4) of orientations (..., 4); card step 2.
 
-    Parameters
-    ----------
-    later, earlier
-        (..., 4) unit, scalar first.
-
-    Returns
-    -------
-    (..., 4) the rotation, in world axes, that takes ``earlier`` to ``later``.
+    It is the rotation, in world axes, that turns ``earlier`` into ``later``.
     """
     return multiply(later, conjugate(earlier))
 
 
 def angle(q: npt.ArrayLike) -> FloatArray:
-    """Rotation angle 2·atan2(|v|, |w|) in rad, in [0, π].
+    """Return the rotation angle 2·atan2(|v|, |w|) in rad, in [0, π].
 
     acos(|w|) would be 0 below 1e-6 degrees; this keeps full relative precision at every angle.
 
     Parameters
     ----------
-    q
+    q : array_like
         (..., 4) scalar first; the norm cancels.
 
     Returns
@@ -155,26 +138,19 @@ def angle(q: npt.ArrayLike) -> FloatArray:
 
 
 def distance(p: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
-    """Angle of the rotation between two orientations, rad, in [0, π].
+    """Return the angle (...) of the rotation between orientations (..., 4), rad, in [0, π].
 
-    Parameters
-    ----------
-    p, q
-        (..., 4) unit, scalar first.
-
-    Returns
-    -------
-    (...) rad; the same for left and right differences.
+    It is the same for left and right differences.
     """
     return angle(difference(p, q))
 
 
 def log(q: npt.ArrayLike) -> FloatArray:
-    """Rotation vector (axis times angle) of q, by the shorter way round.
+    """Return the rotation vector (axis times angle) of q, by the shorter way round.
 
     Parameters
     ----------
-    q
+    q : array_like
         (..., 4) unit, scalar first; q and −q give the same vector (at exactly π either sign of the axis is right).
 
     Returns
@@ -204,7 +180,7 @@ def exp(rotvec: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    rotvec
+    rotvec : array_like
         (..., 3) axis times angle, rad; any length.
 
     Returns
@@ -227,13 +203,13 @@ def exp(rotvec: npt.ArrayLike) -> FloatArray:
 
 
 def rotate(q: npt.ArrayLike, vector: npt.ArrayLike) -> FloatArray:
-    """v_W = q v_B q*: body coordinates to world coordinates.
+    """Return v_W = q v_B q*: body coordinates to world coordinates.
 
     Parameters
     ----------
-    q
+    q : array_like
         (..., 4) unit, scalar first.
-    vector
+    vector : array_like
         (..., 3); broadcast against ``q``.
 
     Returns
@@ -247,16 +223,9 @@ def rotate(q: npt.ArrayLike, vector: npt.ArrayLike) -> FloatArray:
 
 
 def continuous_signs(quats_wxyz: npt.ArrayLike) -> FloatArray:
-    """Choose q or −q for each row so that neighbours are on the same side of the 3-sphere.
+    """Choose q or −q in each of n rows (n, 4), so that neighbours are on the same side of the 3-sphere.
 
-    Parameters
-    ----------
-    quats_wxyz
-        (n, 4) in time order.
-
-    Returns
-    -------
-    (n, 4) the same rotations; the first row is unchanged.
+    The first row is unchanged.
     """
     quats = checked_quats(quats_wxyz)
     if len(quats) < 2:
@@ -267,18 +236,18 @@ def continuous_signs(quats_wxyz: npt.ArrayLike) -> FloatArray:
 
 
 def row_lengths(vectors: FloatArray) -> FloatArray:
-    """Lengths (n,) of n vectors (n, k): numpy's own norm takes several times as long over short rows."""
+    """Return lengths (n,) of n vectors (n, k): numpy's own norm takes several times as long over short rows."""
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
 def slerp(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLike) -> FloatArray:
-    """Orientation a fraction of the shorter way from ``start`` to ``end``, at constant rate of turn.
+    """Return the orientation a fraction of the shorter way from ``start`` to ``end``, at constant rate of turn.
 
     Parameters
     ----------
-    start, end
+    start, end : array_like
         (..., 4) unit, scalar first.
-    fraction
+    fraction : array_like
         (...) 0 gives ``start``, 1 gives ``end``.
 
     Returns
@@ -290,30 +259,10 @@ def slerp(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLike) -> 
 
 
 def to_xyzw(q_wxyz: npt.ArrayLike) -> FloatArray:
-    """Scalar first to scalar last, for scipy and for file formats.
-
-    Parameters
-    ----------
-    q_wxyz
-        (..., 4) scalar first.
-
-    Returns
-    -------
-    (..., 4) scalar last.
-    """
+    """Return scalar-first quaternions (..., 4) as scalar-last ones, for scipy and for file formats."""
     return np.ascontiguousarray(checked_quats(q_wxyz)[..., [1, 2, 3, 0]])
 
 
 def from_xyzw(q_xyzw: npt.ArrayLike) -> FloatArray:
-    """Scalar last, as scipy and many file formats have it, to scalar first.
-
-    Parameters
-    ----------
-    q_xyzw
-        (..., 4) scalar last.
-
-    Returns
-    -------
-    (..., 4) scalar first.
-    """
+    """Return scalar-last quaternions (..., 4), as scipy and many file formats have them, as scalar-first ones."""
     return np.ascontiguousarray(checked_quats(q_xyzw)[..., [3, 0, 1, 2]])

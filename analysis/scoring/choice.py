@@ -19,7 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.formats.text_table import MAX_FILE_BYTES, plain
+from analysis.formats.source import plain
+from analysis.formats.text_table import MAX_FILE_BYTES
 from analysis.series import ReaderError
 
 MAX_ENDPOINTS = 1_000_000

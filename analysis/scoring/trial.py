@@ -327,7 +327,7 @@ def _cycle_search(found: CycleAnalysis) -> CycleSearch:
         axis=tuple(map(known, found.axis.tolist())),
         axis_share=known(found.axis_share),
         swing_deg=known(found.swing_deg),
-        humps=found.humps,
+        humps=found.peaks_per_cycle,
         likeness=known(found.likeness),
         irregularity=known(found.irregularity),
         active_s=found.active_s,

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 import tomli_w
 
-from analysis.formats.text_table import plain
+from analysis.formats.source import plain
 from analysis.sensor.baseline import StaticBaseline
 from analysis.series import BaselineError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.formats import read_series
+from analysis.formats import SourceFile, is_mcap, read_series
 from analysis.scoring.choice import EndpointChoice
 from analysis.scoring.result import Result
 from analysis.series import AnalysisError, OrientationSeries, SeriesError
@@ -23,13 +23,13 @@ class ReadOptions:
     """How to read a file that is not one of our recordings."""
 
     columns: str | None = None
-    """Meaning of the columns, as ``--columns`` takes it."""
+    """Meaning of the columns, as in ``--columns``."""
     rate_hz: float | None = None
     """Sampling rate where there are no time stamps."""
     topic: str | None = None
     """Which topic of a bag."""
     node: int | None = None
-    """Node id of the object in the log of a CAN tool; None takes the first that is heard."""
+    """Node id of the object in the log of a CAN tool; None for the first that is heard."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class ScoredRecording:
     series: OrientationSeries
     """The samples."""
     result: Result
-    """The score, with the path of the file left out: the same file anywhere gives the same result."""
+    """The score, with the path of the file left out: the same file anywhere has the same result."""
     info: Info | None = None
     """The object as it introduced itself; None for other people's files."""
 
@@ -50,31 +50,29 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
     Returns
     -------
     series, trial
-        The samples, their source being the bare name of the file; and for our own recordings what else they say.
+        The samples, their source being the bare name of the file; and for our own recordings what else they hold.
 
     Raises
     ------
     FileError
-        There is no such file, or it is nothing known.
+        There is no such file, or its format is not known.
     """
     reading = reading or ReadOptions()
     try:
-        if path.is_file() and is_our_recording(path):
-            return _named(load_trial(path), path)
-        if path.is_file() and can_log_kind(path) is not None:
-            from host.recording.can_logs import load_can_log  # loads python-can
+        with SourceFile(path, label=path.name) as source:
+            if is_mcap(source.head) and is_our_recording(path):
+                trial = load_trial(path)
+            elif can_log_kind(source.head) is not None:
+                from host.recording.can_logs import load_can_log  # loads python-can
 
-            return _named(load_can_log(path, reading.node), path)
-        series = read_series(path, columns=reading.columns, rate_hz=reading.rate_hz, topic=reading.topic)
+                trial = load_can_log(path, reading.node, source.rewound())
+            else:
+                series = read_series(source, columns=reading.columns, rate_hz=reading.rate_hz, topic=reading.topic)
+                return series, None
     except OSError as error:
         raise unreadable(path, error) from error
     except AnalysisError as error:
         raise FileError(str(error)) from error
-    return replace(series, source=path.name), None
-
-
-def _named(trial: RecordedTrial, path: Path) -> tuple[OrientationSeries, RecordedTrial]:
-    trial = replace(trial, series=replace(trial.series, source=path.name))
     return trial.series, trial
 
 

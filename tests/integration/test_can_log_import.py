@@ -154,10 +154,11 @@ def test_other_files_are_no_can_logs(tmp_path: Path) -> None:
     }.items():
         path = tmp_path / name
         path.write_bytes(content)
-        assert can_log_kind(path) is None
+        assert can_log_kind(content) is None
         with pytest.raises(FileError, match="not a CAN log"):
             read_can_log(path)
-    assert can_log_kind(tmp_path / "nothing") is None
+    with pytest.raises(FileError):
+        read_can_log(tmp_path / "nothing")
 
 
 def test_the_score_command_takes_a_log(frames: list[CanFrame], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -83,7 +83,8 @@ def test_a_missed_figure_is_reported(monkeypatch):
         result = found(series, *args, **kwargs)
         points = list(result.endpoints)
         points[4] = dataclasses.replace(points[4], time_s=points[4].time_s + 0.2 * result.period_s)
-        return dataclasses.replace(result, endpoints=tuple(points))
+        scored = next(run for run in result.runs if run.scored)
+        return dataclasses.replace(result, runs=(dataclasses.replace(scored, endpoints=tuple(points)),))
 
     monkeypatch.setattr(recordings_table, "find_cycles", shifted)
     lines: list[str] = []

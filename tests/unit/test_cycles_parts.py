@@ -9,13 +9,13 @@ from scipy.spatial.transform import Rotation
 from analysis.cycles.axis import motion_axis
 from analysis.cycles.endpoints import pose_jumps
 from analysis.cycles.motion import Motion, angular_velocity
-from analysis.cycles.online.filters import HumpFilter
+from analysis.cycles.online.peaks import PeakFilter
 from analysis.cycles.period import find_period, vector_autocorrelation
+from analysis.cycles.repetition import irregularity, likeness, rests
 from analysis.cycles.settings import Endpoint
 from analysis.cycles.template import axis_speeds, locked_cycles, template_turning_points
 from analysis.cycles.turning_points import dwell, swings, turning_points, without_short_pairs
 from analysis.cycles.usable_samples import Samples, lone_outliers, sample_noise_rad
-from analysis.cycles.verdict import irregularity, likeness, rests
 from analysis.series import OrientationSeries
 from tests.simulated_motion import from_angular_velocity, from_rotation_vectors, simulate, trapezoid
 
@@ -202,18 +202,18 @@ def test_an_average_over_time_is_not_pulled_by_lost_samples():
     assert samples.have_gaps(starts_s, ends_s, 0.002).tolist() == [True, True, True, False, True]
 
 
-def test_a_pattern_of_humps_is_believed_after_four_cycles_and_given_up_when_it_breaks():
+def test_a_pattern_of_peaks_is_believed_after_four_cycles_and_given_up_when_it_breaks():
     def point(time_s: float) -> Endpoint:
         return Endpoint(time_s, 0, np.array([1.0, 0.0, 0.0, 0.0]), 0.1, 1.0)
 
-    filter_ = HumpFilter(1.0)
+    filter_ = PeakFilter(1.0)
     passed: list[float] = []
     heights = [1.0, 0.6] * 8
     for k, height in enumerate(heights):
-        new, anew = filter_.add(point(float(k)), height + 0.01 * k, 1.0)
-        passed = [p.time_s for p in new] if anew else passed + [p.time_s for p in new]
-    assert filter_.humps == 2
+        new, restarted = filter_.add(point(float(k)), height + 0.01 * k, 1.0)
+        passed = [p.time_s for p in new] if restarted else passed + [p.time_s for p in new]
+    assert filter_.per_cycle == 2
     assert passed == [float(k) for k in range(0, 16, 2)]
     for k in range(16, 32):
         filter_.add(point(float(k)), 1.0, 1.0)
-    assert filter_.humps == 1
+    assert filter_.per_cycle == 1

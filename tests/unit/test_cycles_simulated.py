@@ -86,7 +86,7 @@ def test_humps_are_found_though_drift_turns_the_axis_round():
     trial = simulate(two_humps, cycles=20, drift_deg=8.0, period_s=5.0)
     found = find_cycles(trial.series)
     assert found.valid, found.reasons
-    assert found.humps > 1
+    assert found.peaks_per_cycle > 1
     assert len(found.endpoints) == 20
 
 

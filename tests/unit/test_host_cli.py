@@ -278,7 +278,7 @@ def test_a_recording_cut_in_its_header_is_one_sentence(run, tmp_path, size):
     path.write_bytes(path.read_bytes()[:size])
     for command in ("score", "replay"):
         told = one_sentence(run(command, "cut.mcap"), 4)
-        assert re.search(r"cut\.mcap .*: (copy it anew|give the|score a bag)", told)
+        assert re.search(r"cut\.mcap .*: (copy it again|give the|score a bag)", told)
 
 
 def test_the_window_of_a_score_can_be_given(run, tmp_path):

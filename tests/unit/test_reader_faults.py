@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.formats import ReaderError, read_series
-from analysis.formats.text_table import plain
+from analysis.formats.source import plain
+from analysis.formats.text_table import MAX_LINE_BYTES
 from tests import reader_files as files
 from tests.waiting import SLOW_S
 
@@ -56,6 +57,43 @@ def test_a_last_line_that_is_cut_off_is_left_out_and_said(tmp_path, write, missi
     assert "the last line is cut off and left out" in cut.notes
 
 
+def test_a_bad_cell_is_named_in_a_file_that_is_cut_off_too(tmp_path):
+    path = tmp_path / "a.csv"
+    files.named(path)
+    cell(path, 9, 2, "x")
+    path.write_text(path.read_text()[:-60])
+    with pytest.raises(ReaderError, match=r"line 9: 'x' is not a number in column x"):
+        read_series(path)
+
+
+def test_a_comment_at_the_end_is_no_line_that_is_cut_off(tmp_path):
+    path = tmp_path / "a.csv"
+    files.named(path)
+    path.write_text(path.read_text() + "# that was all")
+    series = read_series(path)
+    assert len(series) == 400
+    assert not any("cut off" in note for note in series.notes)
+
+
+def test_lines_across_blocks_of_reading_are_whole(tmp_path):
+    path = tmp_path / "a.csv"
+    files.named(path, n=4000)
+    assert path.stat().st_size > 3 * MAX_LINE_BYTES  # several blocks
+    _, poses, _ = files.motion(4000)
+    np.testing.assert_allclose(np.abs(read_series(path).quats_wxyz), np.abs(poses.as_quat(scalar_first=True)))
+
+
+@pytest.mark.parametrize("before", [300, MAX_LINE_BYTES - 50, MAX_LINE_BYTES, 3 * MAX_LINE_BYTES + 7])
+def test_the_longest_line_is_as_long_wherever_it_stands(tmp_path, before):
+    path = tmp_path / "a.csv"
+    rows = "t,w,x,y,z\n" + "".join(f"{k},1,0,0,0\n" for k in range(before // 11))
+    path.write_text(rows + f"9e9,1,0,0,0,{'9' * (MAX_LINE_BYTES - 12)}\n")
+    assert len(read_series(path)) == before // 11 + 1
+    path.write_text(rows + f"9e9,1,0,0,0,{'9' * (MAX_LINE_BYTES - 11)}\n")
+    with pytest.raises(ReaderError, match="line longer than"):
+        read_series(path)
+
+
 def test_a_short_line_within_the_file_is_named(tmp_path):
     path = tmp_path / "a.csv"
     files.t42(path)
@@ -102,7 +140,7 @@ def test_other_columns_may_hold_anything(tmp_path):
         (b"#ROSBAG V2.0\nnonsense", "a\\.csv"),
         (b"\xff" * 300, "is not a file known here"),
         (b"\x1b[31mred\x07,1\n", r"starts with '\?\[31mred\?,1'"),
-        (b"a" * 1_000_000, "no table of numbers"),
+        (b"a" * 1_000_000, "not a table of numbers"),
         (b",".join(b"c%d" % k for k in range(5000)) + b"\n", "5000 columns"),
         (b",ts,tx,ty,tz,rx,ry,rz\n" + b"0,1,0,0,0,0,0,0\n" * 50 + b"9" * 200_000 + b"\n", "line longer than"),
     ],

@@ -50,6 +50,7 @@ T42_VARIANTS = {
     "comments": lambda x: ["# recorded on a Tuesday", "", *x[:7], "# a remark", *x[7:]],
     "header in a comment": lambda x: ["# first trial", "# " + x[0], *x[1:]],
     "blank lines": lambda x: ["", " ", *x[:5], "", *x[5:], "  ", ",,,,,,,,,,,,,", "\0\0", "\x1a"],
+    "line ends of DOS": lambda x: [line + "\r" for line in x],
     "motors without values": lambda x: [x[0], *(line.rsplit(",", 2)[0] + ",,nan" for line in x[1:])],
 }
 
@@ -78,6 +79,18 @@ def test_t42_whose_quaternion_has_holes_is_read_by_its_angles(tmp_path):
     rewritten(path, lambda x: [*x[:9], ",".join([*x[9].split(",")[:8], "", "", "", "", "1", "2"]), *x[10:]])
     series = assert_motion(path)
     assert any("not compared" in warning and "line 10" in warning for warning in series.warnings)
+
+
+@pytest.mark.parametrize("ends", ["\r\n", "\r\r\n", "\r"])
+@pytest.mark.parametrize("write", [files.t42, files.ndx, files.named, files.tum])
+def test_line_ends_of_any_system(tmp_path, write, ends):
+    path = tmp_path / "a.csv"
+    write(path)
+    whole = read_series(path)
+    path.write_bytes(path.read_bytes().replace(b"\n", ends.encode()))
+    series = read_series(path)
+    np.testing.assert_array_equal(series.quats_wxyz, whole.quats_wxyz)
+    assert series.notes == whole.notes
 
 
 NDX_VARIANTS = {
@@ -140,7 +153,7 @@ def test_a_damaged_station_is_named(tmp_path):
     path = tmp_path / "a.csv"
     files.ndx(path)
     rewritten(path, lambda x: [*x[:100], "1.5" + x[100][1:], *x[101:]])
-    with pytest.raises(ReaderError, match=r"row 100: 1\.5 is no station"):
+    with pytest.raises(ReaderError, match=r"row 100: 1\.5 is not a valid station"):
         read_series(path)
 
 

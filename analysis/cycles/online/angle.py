@@ -63,7 +63,7 @@ class OnlineAngle:
         return along / total if total > 0.0 else 1.0
 
     def add(self, time_s: float, quat_wxyz: Quaternion, index: int, period_s: float) -> AnglePoint:
-        """Take one moment, later than the one before, and give the angle there.
+        """Receive one moment, later than the one before, and return the angle there.
 
         ``period_s`` is the period as far as known, 0 where not.
         """
@@ -85,6 +85,7 @@ class OnlineAngle:
         return self._last
 
     def _follow(self, turn: Vector, step_s: float, period_s: float) -> None:
+        """Turn the axis towards that of the newest motion."""
         part = -math.expm1(-step_s / max(_SPEED_S, 0.03 * period_s))
         ox, oy, oz = self._omega
         ox += part * (turn[0] / step_s - ox)
@@ -101,11 +102,13 @@ class OnlineAngle:
         yz += part * (oy * oz - yz)
         zz += part * (oz * oz - zz)
         self._tensor = (xx, xy, xz, yy, yz, zz)
+        # Power iteration: each product with the tensor turns the axis towards its largest eigenvector. As the tensor
+        # changes little from moment to moment, two steps keep up with it.
         x, y, z = self.axis
         for _ in range(2):
             x, y, z = xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
             length = math.sqrt(x * x + y * y + z * z)
-            if length < 1e-30:  # at rest, or square to the only axis so far: begin with the largest component
+            if length < 1e-30:  # at rest, or square to the only axis so far: start with the largest component
                 diagonal = (xx, yy, zz)
                 k = diagonal.index(max(diagonal))
                 x, y, z = (float(k == 0), float(k == 1), float(k == 2))
@@ -115,7 +118,7 @@ class OnlineAngle:
 
 
 def _rotation_vector(later: Quaternion, earlier: Quaternion) -> Vector:
-    """log(q_later ⊗ q_earlier⁻¹) by the shorter way, rad, world axes."""
+    """Return log(q_later ⊗ q_earlier⁻¹) by the shorter way, rad, world axes."""
     aw, ax, ay, az = later
     bw, bx, by, bz = earlier
     w = aw * bw + ax * bx + ay * by + az * bz

@@ -29,15 +29,15 @@ def place_endpoint(
 
     Parameters
     ----------
-    points
-        From the turning point before (or from where memory begins) to now; at least two.
-    extreme
+    points : sequence of AnglePoint
+        From the turning point before (or from where memory starts) to now; at least two.
+    extreme : AnglePoint
         The one among them.
-    usual_rad
+    usual_rad : float
         Usual swing, rad.
-    period_s
+    period_s : float
         Length of a cycle, s; 0 where unknown: then twice the time it took to come here.
-    settings
+    settings : CycleSettings
         Depth of the dwell, width of the average, largest gap.
 
     Returns
@@ -54,13 +54,16 @@ def place_endpoint(
     middle = int(np.searchsorted(times_s, extreme.time_s))
     near = slice(max(middle - 8, 0), middle + 9)  # smoothing moves the extreme a little
     middle = near.start + int(np.argmax(sign * angle[near]))
-    stretch = dwell(
-        angle, middle, 0, len(angle) - 1, settings.dwell_depth * min(travel / settings.hysteresis, usual_rad)
-    )
-    from_s, to_s = np.interp(stretch, np.arange(len(times_s)), times_s).tolist()
+    # The depth is that of the offline search: a share of the usual swing, or of the largest swing for which this travel
+    # would still count, where it is less.
+    depth = settings.dwell_depth * min(travel / settings.hysteresis, usual_rad)
+    ends = dwell(angle, middle, 0, len(angle) - 1, depth)
+    from_s, to_s = np.interp(ends, np.arange(len(times_s)), times_s).tolist()
     time_s = 0.5 * (from_s + to_s)
+    # How long it took to come here: from leaving the point before.
     moved = np.flatnonzero(np.abs(angle - angle[0]) > settings.dwell_depth * travel)
     rise_s = from_s - float(times_s[moved[0]]) if len(moved) else 0.0
+    # The orientation is an average around the middle, as offline; of at least the nearest three points.
     distance_s = np.abs(times_s - time_s)
     third_s = float(np.sort(distance_s)[min(3, len(distance_s) - 1)])
     period_s = period_s or 2.0 * (rise_s + 0.5 * (to_s - from_s))
@@ -79,7 +82,7 @@ def place_endpoint(
 
 
 def _smoothed(angle: FloatArray, times_s: FloatArray, sigma_s: float) -> FloatArray:
-    """Gaussian over evenly taken points; the ends are held."""
+    """Smooth evenly spaced points with a Gaussian; the ends are held."""
     sigma = sigma_s / max(float(np.median(np.diff(times_s))), 1e-9)
     reach = int(3.0 * sigma)
     if reach < 1 or len(angle) < 3:

@@ -36,8 +36,8 @@ class OnlineState:
     """The last primary end points, at most 12, oldest first."""
     withdrawn: int = 0
     """End points taken back so far: they were movement before the first cycle. A caller that keeps a list of what
-    ``feed`` gave drops all of it, but what the same call gave, when this number has grown."""
+    ``feed`` returned drops all of it, but what the same call returned, when this number has grown."""
     runs: int = 0
-    """Stretches without a gap in the data, so far."""
+    """Runs of samples without a gap in the data, so far."""
     flags: tuple[str, ...] = ()
     """``gap``, ``axis ambiguous``, ``noisy``, ``pause``: what to look at now."""

@@ -23,7 +23,7 @@ import can
 from firmware_protocol.can.frames import frame_array, iter_frames, pack_frames
 from host.errors import FileError, unreadable
 from host.links.can.bus import received_frame
-from host.links.can.log_kind import CANDUMP_LINE, can_log_kind
+from host.links.can.log_kind import CANDUMP_LINE, HEAD_BYTES, can_log_kind
 from host.links.transport import FrameChunk
 from host.text import plain
 
@@ -47,24 +47,35 @@ class CanLog:
     """What could not be read, a sentence each."""
 
 
-def read_can_log(path: Path) -> CanLog:
+def read_can_log(path: Path, file: IO[bytes] | None = None) -> CanLog:
     """Read a log.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    file : binary file, optional
+        The log where it is open already, at its start; closed at the end. A BLF is opened again, by its own process.
 
     Raises
     ------
     FileError
         It cannot be opened, is not a CAN log, or holds no frame.
     """
-    kind = can_log_kind(path)
-    if kind is None:
-        raise FileError(f"{path} is not a CAN log", "give a candump log, an ASC, a BLF, or a CSV written by python-can")
     damage: list[str] = []
     try:
-        if kind == "BLF":
-            chunks = tuple(_blf_chunks(path, damage))
-        else:
-            with path.open(encoding="utf-8", errors="replace", newline="") as file:
-                chunks = tuple(_chunks(_messages(kind, file, damage)))
+        with file or path.open("rb") as log:
+            kind = can_log_kind(log.read(HEAD_BYTES))
+            if kind is None:
+                raise FileError(
+                    f"{path} is not a CAN log", "give a candump log, an ASC, a BLF, or a CSV written by python-can"
+                )
+            if kind == "BLF":
+                chunks = tuple(_blf_chunks(path, damage))
+            else:
+                log.seek(0)
+                text = io.TextIOWrapper(log, encoding="utf-8", errors="replace", newline="")
+                chunks = tuple(_chunks(_messages(kind, text, damage)))
     except OSError as error:
         raise unreadable(path, error) from error
     if not chunks:

@@ -1,0 +1,87 @@
+"""How similar the cycles are to each other, and how often the object rests in them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.cycles.motion import Motion
+from analysis.geometry.rotations import row_lengths
+from analysis.series import FloatArray
+
+_PHASES = 48
+_MAX_CYCLES = 2000
+
+
+def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
+    """Return the median correlation of each cycle's angular velocity with the mean of its six neighbours.
+
+    Cycles are scaled to one length first, so tempo does not matter; nor does the size of the motion. Neighbours
+    only, because drift slowly turns the motion axis away from where it was.
+
+    Parameters
+    ----------
+    motion : Motion
+        Angular velocity of the trial, smoothed to a fortieth of a period or so: noise in ω must not count.
+    endpoint_s : array of float
+        (n,) times of the end points, n ≥ 3, s.
+
+    Returns
+    -------
+    −1 to 1; above 0.9 for a hand that repeats itself, 0.5 and less for random motion.
+    """
+    cycles = min(len(endpoint_s) - 1, _MAX_CYCLES)
+    grid_s = motion.start_s + (np.arange(len(motion.omega)) + 0.5) / motion.rate_hz
+    phase = (np.arange(_PHASES) + 0.5) / _PHASES
+    length_s = np.diff(endpoint_s[: cycles + 1])
+    at_s = endpoint_s[:cycles, None] + phase * length_s[:, None]
+    shape = np.stack([np.interp(at_s, grid_s, motion.omega[:, axis]) for axis in range(3)], axis=-1)
+    shape = (shape * length_s[:, None, None]).reshape(cycles, -1)
+    # Sums of neighbours from one cumulative sum: three before to three after, the cycle itself taken off.
+    total = np.concatenate((np.zeros((1, shape.shape[1])), np.cumsum(shape, axis=0)))
+    row = np.arange(cycles)
+    others = total[np.minimum(row + 4, cycles)] - total[np.maximum(row - 3, 0)] - shape
+    scale = np.linalg.norm(shape, axis=1) * np.linalg.norm(others, axis=1)
+    return float(np.median((shape * others).sum(axis=1) / np.maximum(scale, 1e-300)))
+
+
+def irregularity(endpoint_s: FloatArray | None, prominence: FloatArray) -> float:
+    """Return the spread of the distances between end points and of the swings, as a share of their medians.
+
+    Each spread is 1.25 times the mean deviation from the median (the standard deviation of normal values), so that
+    one slip among few cycles does not count as irregular motion.
+
+    Parameters
+    ----------
+    endpoint_s : array of float or None
+        (n,) times of the end points, n ≥ 3, s; None where any tempo will do.
+    prominence : array of float
+        (n,) swing of each, any unit.
+    """
+    total = 0.0
+    for values in (prominence,) if endpoint_s is None else (np.diff(endpoint_s), prominence):
+        middle = float(np.median(values))
+        total += (1.25 * float(np.mean(np.abs(values - middle))) / max(middle, 1e-300)) ** 2
+    return float(np.sqrt(total))
+
+
+def rests(motion: Motion, period_s: float) -> tuple[float, float]:
+    """Return how often per cycle the object rests, and for which share of the time.
+
+    A rest is at least 3 % of a period at less than a tenth of the speed at which the turning is done (the mean of ω²
+    weighted by |ω|). A hand that turns an object to and fro rests twice per cycle at most; one that lets go, opens,
+    comes back, closes and lifts rests between all of these.
+
+    Parameters
+    ----------
+    motion : Motion
+        Angular velocity between the first and the last end point.
+    period_s : float
+        Length of a cycle, s.
+    """
+    speed = row_lengths(motion.omega)
+    level = 0.1 * np.sqrt((speed**3).sum() / max(float(speed.sum()), 1e-300))
+    edges = np.diff(np.concatenate(([False], speed < level, [False])).astype(np.int8))
+    length_s = (np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)) / motion.rate_hz
+    length_s = length_s[length_s > 0.03 * period_s]
+    total_s = len(speed) / motion.rate_hz
+    return len(length_s) * period_s / total_s, float(length_s.sum()) / total_s

@@ -1,0 +1,83 @@
+"""A file that is opened once for all who look at it: the host's readers, and every format here."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Self, TextIO
+
+HEAD_BYTES = 262_144
+"""Read at once: enough to recognise any format, and for the first lines of any table."""
+
+
+def plain(text: str, limit: int = 40) -> str:
+    """Return text from a file shortened, and without what could steer a terminal.
+
+    Parameters
+    ----------
+    text : str
+        Anything.
+    limit : int, optional
+        Characters kept.
+
+    Returns
+    -------
+    Printable text of at most ``limit`` + 1 characters.
+    """
+    kept = "".join(c if c.isprintable() else "?" for c in text[: limit + 1])
+    return kept[:limit] + "…" if len(kept) > limit else kept
+
+
+class SourceFile:
+    """An open file of a recording, or the folder of a ROS 2 bag; a context manager.
+
+    The file is opened once and read from its start as often as needed. Libraries that take paths only (rosbags), and
+    readers in a process of their own (BLF), open it again by :attr:`path`.
+
+    Parameters
+    ----------
+    path : Path
+        Where it is.
+    label : str, optional
+        What a series read from it is called; the path by default.
+
+    Raises
+    ------
+    OSError
+        The file cannot be opened or read.
+    """
+
+    def __init__(self, path: Path, label: str = "") -> None:
+        self.path = path
+        self.label = label or str(path)
+        self.name = plain(path.name, 80)
+        """For messages."""
+        self.file: BinaryIO = io.BytesIO() if path.is_dir() else path.open("rb")
+        """From the start on after :meth:`rewound`; empty for a folder."""
+        self.head = self.file.read(HEAD_BYTES)
+        """What every format is recognised from."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.file.close()
+
+    def rewound(self) -> BinaryIO:
+        """Return the open file, at its start."""
+        self.file.seek(0)
+        return self.file
+
+    @contextmanager
+    def text(self) -> Iterator[TextIO]:
+        """Open the content as text from its start: UTF-8, what is not replaced; no byte order mark; any line ends."""
+        wrapper = io.TextIOWrapper(self.rewound(), "utf-8-sig", "replace")
+        try:
+            yield wrapper
+        finally:
+            wrapper.detach()  # closing a wrapper, as its end of life does, would close the file
