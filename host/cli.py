@@ -12,7 +12,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
-from typing import Any, NoReturn, Protocol, cast
+from typing import NoReturn, Protocol, cast
 
 from host.commands import COMMANDS
 from host.errors import HostError, unreadable
@@ -36,7 +36,7 @@ class CommandModule(Protocol):
     def add_parser(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
         """Declare the subcommand and its arguments."""
 
-    def run(self, args: Any) -> int:  # noqa: ANN401 - a namespace, or the Options of the module
+    def run(self, args: argparse.Namespace) -> int:
         """Run it; return the exit code."""
 
 
@@ -90,10 +90,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     except SystemExit as leaving:  # argparse leaves after --help, --version and errors
         return leaving.code if isinstance(leaving.code, int) else 0
-    values = vars(args)
-    command, debug = _command(values.pop("command")), values.pop("debug")
+    debug: bool = args.debug
     try:
-        code = command.run(getattr(command, "Options", argparse.Namespace)(**values))
+        code = _command(args.command).run(args)
         sys.stdout.flush()
     except HostError as error:
         return _report(error, str(error), error.exit_code, debug)

@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from analysis.sensor.baseline import StaticBaseline
@@ -16,19 +16,6 @@ DEFAULT_DURATION_S = 60.0
 PERIODS_S = (2.0, 5.0, 10.0)
 """Cycle lengths for which the sensor's share is shown; a trial shows its own."""
 CYCLES_SHOWN = 10
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    source: str
-    out: Path | None
-    duration: float | None
-    json: bool
-    columns: str | None
-    rate: float | None
-    topic: str | None
-    node: int | None
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -53,7 +40,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Measure a baseline, print it, and write it.
 
     Raises
@@ -100,14 +87,14 @@ def _is_recording(path: Path) -> bool:
     return path.is_file() or path.is_dir()
 
 
-def _from_file(path: Path, args: Options) -> tuple[OrientationSeries, Sequence[float]]:
+def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
     from host.results.any_file import ReadOptions, read_recording
 
     series, trial = read_recording(path, ReadOptions(args.columns, args.rate, args.topic, args.node))
     return series, () if trial is None else trial.temperatures_c
 
 
-def _from_link(args: Options) -> tuple[OrientationSeries, Sequence[float]]:
+def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
     import tempfile
 
     from analysis.series import SeriesError

@@ -5,34 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from host.capture.run import FinishedCapture
     from host.capture.settings import CaptureSettings
     from host.results.result import ScoreOptions
     from host.screen.screens import Screen
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    link: list[str]
-    cycles: int | None
-    duration: float | None
-    until: float | None
-    guide: bool
-    rest: float
-    bell: bool
-    ascii: bool
-    theme: str
-    plain: bool
-    out: Path | None
-    rate: int | None
-    baseline: Path | None
-    reconnect: float
-    debug_link: Path | None
-    json: bool
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -79,7 +58,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Capture and score.
 
     Raises
@@ -140,7 +119,7 @@ def _print_files(finished: FinishedCapture) -> None:
 
 
 def _run_several(
-    args: Options, recording: Path, settings: CaptureSettings, screen: Screen, options: ScoreOptions
+    args: argparse.Namespace, recording: Path, settings: CaptureSettings, screen: Screen, options: ScoreOptions
 ) -> int:
     """Capture several objects at once, each with a recording of its own."""
     from analysis.scoring.result import result_text

@@ -5,29 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from host.submission.contents import BuiltSubmission
     from host.submission.source import TrialSource
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    trials: list[Path]
-    out: Path
-    cards: list[Path]
-    title: str | None
-    force: bool
-    endpoints: str | None
-    baseline: Path | None
-    start: float | str | None
-    end: float | str | None
-    columns: str | None
-    rate: float | None
-    topic: str | None
-    node: int | None
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -64,7 +46,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     add_read_arguments(parser)
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Score, draw and write a submission.
 
     Returns
@@ -98,7 +80,7 @@ def run(args: Options) -> int:
     return 0 if all(trial.valid for trial in built.submission.trials) else 1
 
 
-def _source(path: Path, args: Options) -> TrialSource:
+def _source(path: Path, args: argparse.Namespace) -> TrialSource:
     from analysis.scoring.choice import load_endpoints, parse_endpoints
     from analysis.series import ReaderError
     from host.cards.files import find_cards
@@ -126,7 +108,7 @@ def _source(path: Path, args: Options) -> TrialSource:
     return load_source(path, cards, choices, baseline)
 
 
-def _window_s(path: Path, args: Options) -> tuple[float | None, float | None]:
+def _window_s(path: Path, args: argparse.Namespace) -> tuple[float | None, float | None]:
     """Return the window in seconds: a submission holds times, not the names of markers."""
     if not isinstance(args.start, str) and not isinstance(args.end, str):
         return args.start, args.end

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from host.results.any_file import ReadOptions, ScoredRecording
@@ -13,25 +13,6 @@ if TYPE_CHECKING:
     from host.results.window import Window
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
-
-
-class Options(NamedTuple):
-    """The arguments of the command."""
-
-    files: list[Path]
-    json: bool
-    endpoints: str | None
-    ignore_actions: bool
-    baseline: Path | None
-    plot: Path | None
-    as_published: bool
-    preceding: list[str]
-    start: float | str | None
-    end: float | str | None
-    columns: str | None
-    rate: float | None
-    topic: str | None
-    node: int | None
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -75,7 +56,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
 
 
-def run(args: Options) -> int:
+def run(args: argparse.Namespace) -> int:
     """Score one file, or many into one table.
 
     Raises
@@ -113,7 +94,7 @@ def run(args: Options) -> int:
     return 0 if result.valid else 1
 
 
-def _run_many(files: list[Path], args: Options) -> int:
+def _run_many(files: list[Path], args: argparse.Namespace) -> int:
     """Score files into one table; return the exit code of the worst."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
@@ -179,7 +160,7 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
         raise unwritable(path, error) from error
 
 
-def _choices(args: Options) -> tuple[ScoreOptions, ReadOptions, Window | None]:
+def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Window | None]:
     """Return how to score, how to read, and which window."""
     from analysis.scoring.choice import parse_endpoints
     from analysis.series import ReaderError
