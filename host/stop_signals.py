@@ -4,45 +4,37 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable
-from types import FrameType, TracebackType
-from typing import Any, Self
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 
 
-class StopSignals:
-    """A context in which the signals that ask a program to end set :attr:`stop` instead.
+@contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """Yield an event that the signals which ask a program to end set, in place of ending it.
 
     The first signal restores the former handlers, so that a second one acts as usual and a program that hangs can be
     interrupted. Outside the main thread, where Python allows no handlers, nothing changes.
     """
+    stop = threading.Event()
+    previous: dict[signal.Signals, Any] = {}
 
-    def __init__(self) -> None:
-        self.stop = threading.Event()
-        self.name: str | None = None
-        """The signal that came first."""
-        self._previous: dict[signal.Signals, Callable[[int, FrameType | None], Any] | int | None] = {}
+    def restore() -> None:
+        while previous:
+            number, handler = previous.popitem()
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
-    def __enter__(self) -> Self:
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        stop.set()
+        restore()
+
+    try:
         if threading.current_thread() is threading.main_thread():
-            for name in NAMES:
-                number = getattr(signal, name, None)
-                if number is not None:
-                    self._previous[number] = signal.signal(number, self._handle)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._restore()
-
-    def _handle(self, number: int, _frame: FrameType | None) -> None:
-        self.name = signal.Signals(number).name
-        self.stop.set()
-        self._restore()
-
-    def _restore(self) -> None:
-        for number, previous in self._previous.items():
-            signal.signal(number, signal.SIG_DFL if previous is None else previous)
-        self._previous.clear()
+            for number in (getattr(signal, name) for name in NAMES if hasattr(signal, name)):
+                previous[number] = signal.signal(number, handle)
+        yield stop
+    finally:
+        restore()

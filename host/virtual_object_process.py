@@ -8,7 +8,6 @@ import sys
 import tempfile
 import threading
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from host.errors import LinkError
@@ -28,92 +27,65 @@ class VirtualObjectProcess:
     ----------
     scenario : str
         Name or file.
-    seed : int, optional
-        Replaces the scenario's.
     """
 
-    def __init__(self, scenario: str, seed: int | None = None) -> None:
+    def __init__(self, scenario: str) -> None:
+        self._scenario = scenario
         self._folder = tempfile.TemporaryDirectory(prefix="rotdrift-")
         self._truth_path = Path(self._folder.name) / "truth.json"
-        address = "tcp:0" if sys.platform == "win32" else f"pty:{Path(self._folder.name) / 'object'}"
-        self._command = [sys.executable, "-P", "-m", "rotdrift", "emulate", "--scenario", scenario]
-        self._command += ["--link", address, "--truth", str(self._truth_path), "--until-stdin-ends"]
-        if seed is not None:
-            self._command += ["--seed", str(seed)]
-        self._process: subprocess.Popen[str] | None = None
         self.link = ""
         """The link to the object, once entered."""
 
     def __enter__(self) -> Self:
-        new_group = {"start_new_session": True}
-        if sys.platform == "win32":
-            new_group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+        address = "tcp:0" if sys.platform == "win32" else f"pty:{Path(self._folder.name) / 'object'}"
+        command = [sys.executable, "-P", "-m", "rotdrift", "emulate", "--scenario", self._scenario]
+        command += ["--link", address, "--truth", str(self._truth_path), "--until-stdin-ends"]
         self._process = subprocess.Popen(  # noqa: S603 - our own program
-            self._command,
+            command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            text=True,
             encoding="utf-8",
             errors="replace",
-            **new_group,  # type: ignore[call-overload]
+            start_new_session=True,
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # Windows, which has no sessions
         )
         try:
             self.link = self._wait_ready()
         except BaseException:
-            self.close()
+            self.__exit__()
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+        self._folder.cleanup()
 
     def stop(self) -> dict[str, Any]:
         """End the object and return its account of what really happened; empty if it could not write one."""
-        self._end_process()
+        try:
+            self._process.communicate(timeout=STOP_S)  # closes its input
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
         try:
             truth: dict[str, Any] = json.loads(self._truth_path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return {}
         return truth
 
-    def close(self) -> None:
-        """End the object and remove its files."""
-        self._end_process()
-        self._folder.cleanup()
-
     def _wait_ready(self) -> str:
-        process = self._process
-        assert process is not None
-        assert process.stdout is not None
-        assert process.stderr is not None
-        lines: list[str] = []
-        stdout = process.stdout
-        reading = threading.Thread(target=lambda: lines.append(stdout.readline()), daemon=True)
-        reading.start()
-        reading.join(READY_S)
-        line = lines[0].strip() if lines else ""
+        """Return the link that the object prints once it can be reached."""
+        assert self._process.stdout is not None
+        too_late = threading.Timer(READY_S, self._process.kill)
+        too_late.start()
+        try:
+            line = self._process.stdout.readline().strip()
+        finally:
+            too_late.cancel()
         if line.startswith("ready: "):
             return line.removeprefix("ready: ")
-        process.kill()
-        process.wait()
-        reason = plain(process.stderr.read(), 300).removeprefix("rotdrift: ")
-        reason = reason or "it printed nothing"
+        self._process.kill()
+        _, printed = self._process.communicate()
+        reason = plain(printed, 300).removeprefix("rotdrift: ") or "it printed nothing"
         raise LinkError(f"the virtual object did not start ({reason})", "try another --scenario")
-
-    def _end_process(self) -> None:
-        process = self._process
-        if process is None:
-            return
-        assert process.stdin is not None
-        process.stdin.close()
-        try:
-            process.wait(STOP_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        for stream in (process.stdout, process.stderr):
-            if stream is not None:
-                stream.close()

@@ -15,6 +15,7 @@ BASE = (sys.executable, "-P", "-m", "rotdrift")
 
 QUICK = """
 purpose = "A short trial for tests."
+seed = {seed}
 [motion]
 period_s = {period_s}
 swing_deg = 30.0
@@ -49,6 +50,7 @@ def quick_scenario(folder, name="quick", **values):
     The object's queue holds what a capture that gets no processor for a while leaves in it: no sample is dropped.
     """
     keys = {
+        "seed": 1,
         "period_s": 0.5,
         "cycles": 60,
         "lead_in_s": 0.3,

@@ -103,7 +103,7 @@ def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[fl
     from host.errors import LinkError
     from host.recording.load import load_trial
     from host.screen.screens import QuietScreen
-    from host.stop_signals import StopSignals
+    from host.stop_signals import stop_on_signals
 
     duration_s = args.duration or DEFAULT_DURATION_S
 
@@ -111,10 +111,10 @@ def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[fl
         def start(self) -> None:  # the link is open
             sys.stderr.write(f"leave the object alone for {duration_s:.0f} s; Ctrl-C ends it early\n")
 
-    with tempfile.TemporaryDirectory(prefix="rotdrift-") as folder, StopSignals() as signals:
+    with tempfile.TemporaryDirectory(prefix="rotdrift-") as folder, stop_on_signals() as stop:
         recording = Path(folder) / "rest.mcap"
         settings = CaptureSettings(duration_s=duration_s)
-        outcome = record(args.source, recording, settings, Patience(), signals.stop)
+        outcome = record(args.source, recording, settings, Patience(), stop)
         if outcome.error is not None:
             raise outcome.error
         try:

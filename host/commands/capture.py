@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     from host.errors import UsageError
     from host.results.result import ScoreOptions
     from host.screen.choice import ScreenChoice, open_screen
-    from host.stop_signals import StopSignals
+    from host.stop_signals import stop_on_signals
     from host.stream.session import SessionSettings
 
     if args.rate is not None and not 10 <= args.rate <= 1000:
@@ -96,8 +96,8 @@ def run(args: argparse.Namespace) -> int:
     options = ScoreOptions(baseline=args.baseline)
     if len(args.link) > 1:
         return _run_several(args, recording, settings, screen, options)
-    with StopSignals() as signals:
-        finished = run_capture(args.link[0], recording, settings, screen, signals.stop, options)
+    with stop_on_signals() as stop:
+        finished = run_capture(args.link[0], recording, settings, screen, stop, options)
     if args.json:
         sys.stdout.write(result_text(finished.score))
     else:
@@ -126,13 +126,13 @@ def _run_several(
     from host.capture.several import capture_several
     from host.errors import UsageError
     from host.results.printout import print_score
-    from host.stop_signals import StopSignals
+    from host.stop_signals import stop_on_signals
 
     if settings.debug_link is not None:
         raise UsageError("--debug-link writes down one link", "capture one object at a time with it")
     paths = [recording.with_stem(f"{recording.stem}-{number}") for number in range(1, len(args.link) + 1)]
-    with StopSignals() as signals:
-        outcomes = capture_several(args.link, paths, settings, screen, signals.stop, options)
+    with stop_on_signals() as stop:
+        outcomes = capture_several(args.link, paths, settings, screen, stop, options)
     if args.json:
         results = [
             {"link": item.link, "error": item.error and str(item.error), "result": item.result} for item in outcomes

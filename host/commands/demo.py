@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     from host.errors import UsageError
     from host.results.printout import print_score
     from host.screen.choice import open_screen
-    from host.stop_signals import StopSignals
+    from host.stop_signals import stop_on_signals
     from host.virtual_object_process import VirtualObjectProcess
 
     if not 3 <= args.cycles <= 1000:
@@ -60,9 +60,9 @@ def run(args: argparse.Namespace) -> int:
     with VirtualObjectProcess(scenario) as virtual:
         sys.stdout.write(f"capturing {args.cycles} cycles from {virtual.link}; Ctrl-C ends it\n")
         sys.stdout.flush()
-        with StopSignals() as signals:
+        with stop_on_signals() as stop:
             finished = run_capture(
-                virtual.link, recording, CaptureSettings(cycles=args.cycles), open_screen(False), signals.stop
+                virtual.link, recording, CaptureSettings(cycles=args.cycles), open_screen(False), stop
             )
         truth = virtual.stop()
     print_score(finished.score)

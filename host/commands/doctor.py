@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     from host.links.can.listing import list_can_ports
     from host.links.serial.listing import list_serial_ports
     from host.links.uri import parse_link_uri
-    from host.stop_signals import StopSignals
+    from host.stop_signals import stop_on_signals
 
     if not 0.5 <= args.seconds <= 3600:
         raise UsageError(f"cannot listen for {args.seconds:g} s", "give --seconds from 0.5 to 3600")
@@ -56,8 +56,8 @@ def run(args: argparse.Namespace) -> int:
     machine += [*serial_ports(ports), *can_interfaces(list_can_ports(ports))]
     on_link: list[Finding] = []
     if link is not None:
-        with StopSignals() as signals:
-            on_link = check_link(link, args.seconds, signals.stop)
+        with stop_on_signals() as stop:
+            on_link = check_link(link, args.seconds, stop)
     findings = machine + on_link
     if args.json:
         sys.stdout.write(json.dumps([finding.to_json() for finding in findings], indent=2, ensure_ascii=False) + "\n")

@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     from emulator.runner import run as run_object
     from emulator.scenario import load_scenario, scenario_names
     from host.errors import FileError, LinkError, UsageError
-    from host.stop_signals import StopSignals
+    from host.stop_signals import stop_on_signals
     from host.text import plain
 
     if args.list:
@@ -83,16 +83,16 @@ def run(args: argparse.Namespace) -> int:
             "frames and send them again; to lose frames, set drop_probability\n"
         )
     try:
-        with StopSignals() as signals:
+        with stop_on_signals() as stop:
             live_faults = _faults_from_stdin() if args.faults_from_stdin else None
             if args.until_stdin_ends:
-                _stop_with_stdin(signals.stop)
+                _stop_with_stdin(stop)
             run_object(
                 scenario,
                 link,
                 args.duration,
                 args.truth,
-                signals.stop,
+                stop,
                 _report_ready,
                 seed=args.seed,
                 live_faults=live_faults,

@@ -42,15 +42,15 @@ def run(args: argparse.Namespace) -> int:
     from host.results.printout import print_score
     from host.results.result import ScoreOptions, score_trial
     from host.screen.choice import ScreenChoice, open_screen
-    from host.stop_signals import StopSignals
+    from host.stop_signals import stop_on_signals
     from host.trial.live import Trial
 
-    with ReplayTransport(args.file, args.speed) as transport, StopSignals() as signals:
+    with ReplayTransport(args.file, args.speed) as transport, stop_on_signals() as stop:
         screen = open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, plain_lines=args.plain))
         then = recorded_actions(args.file), recorded_commands(args.file)
         screen.start()
         try:
-            live = play(transport, Trial(), screen, signals.stop, args.speed, *then, title="rotdrift replay")
+            live = play(transport, Trial(), screen, stop, args.speed, *then, title="rotdrift replay")
             score = score_trial(load_trial(args.file), ScoreOptions(clock=args.json))
             if live is not None:
                 screen.update(finished_state(live, score))

@@ -156,7 +156,7 @@ def test_a_guided_trial_up_to_an_interval_then_a_key(tmp_path):
 
 
 def test_two_objects_on_one_screen(tmp_path, virtual):
-    with VirtualObjectProcess(quick_scenario(tmp_path), seed=7) as other:
+    with VirtualObjectProcess(quick_scenario(tmp_path, "other", seed=7)) as other:
         terminal = Terminal(["capture", virtual.link, other.link, "--out", tmp_path / "trial.mcap"], tmp_path, 120, 36)
         seen = terminal.wait_for("▶  1")
         terminal.wait_for_cycles(4)

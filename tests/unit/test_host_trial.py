@@ -15,7 +15,7 @@ from host.recording.replay_link import ReplayTransport
 from host.results.parts import losses_per_cycle
 from host.results.result import score_trial
 from host.screen.screens import QuietScreen
-from host.stop_signals import StopSignals
+from host.stop_signals import stop_on_signals
 from host.stream.decoding import Link
 from host.stream.rate import RateMeter
 from host.trial.live import Trial
@@ -91,10 +91,10 @@ def test_a_replay_goes_through_the_same_path(default, tmp_path):
     path = write_recording(tmp_path / "trial.mcap", chunks)
     live, _ = followed(chunks)
     again, screen = Trial(), QuietScreen()
-    with ReplayTransport(path) as transport, StopSignals() as signals:
-        assert play(transport, again, screen, signals.stop)
-        signals.stop.set()
-        assert not play(transport, Trial(), screen, signals.stop)
+    with ReplayTransport(path) as transport, stop_on_signals() as stop:
+        assert play(transport, again, screen, stop)
+        stop.set()
+        assert not play(transport, Trial(), screen, stop)
     at = chunks[-1].host_time_ns
     assert state_of(again, at) == state_of(live, at)
 
