@@ -172,14 +172,7 @@ def choices(field: str) -> str:
 
 
 def parse_cards(text: str, name: str = "the card") -> Cards:
-    """Return the cards in a TOML text, checked.
-
-    Parameters
-    ----------
-    text : str
-        TOML with any of the tables ``[object]``, ``[hand]``, ``[trial]``.
-    name : str, optional
-        The name of the card in error messages.
+    """Return the cards in a TOML text, checked; errors name the card by ``name``.
 
     Raises
     ------
@@ -195,14 +188,7 @@ def parse_cards(text: str, name: str = "the card") -> Cards:
 
 
 def cards_from(values: Mapping[str, Any], name: str) -> Cards:
-    """Return the cards that plain values describe, checked.
-
-    Parameters
-    ----------
-    values : mapping
-        Any of the tables ``object``, ``hand``, ``trial``.
-    name : str
-        The name of the card in error messages.
+    """Return the cards that plain values (table -> field -> value) describe, checked.
 
     Raises
     ------
@@ -216,7 +202,7 @@ def cards_from(values: Mapping[str, Any], name: str) -> Cards:
     except RecursionError:
         problem = "nested too deeply"
     else:
-        problem = next(iter(contradictions(cards)), "")
+        problem = _contradiction(cards.object)
         if not problem:
             return cards
     raise FileError(f"{name}: {problem}", "see docs/cards.md for every field")
@@ -246,7 +232,7 @@ def load_cards(path: Path) -> Cards:
 
 def card_values(cards: Cards) -> dict[str, dict[str, Any]]:
     """Return cards as plain values (for JSON or TOML): only what is set, in the order of the types."""
-    return {table: known for table, values in msgspec.to_builtins(cards).items() if (known := _known(values))}
+    return {table: values for table, values in _known(msgspec.to_builtins(cards)).items() if values}
 
 
 def dump_cards(cards: Cards) -> str:
@@ -272,29 +258,23 @@ def missing_fields(cards: Cards) -> tuple[str, ...]:
     return tuple(field for field in REQUIRED if attrgetter(field)(cards) in (None, ""))
 
 
-def contradictions(cards: Cards) -> tuple[str, ...]:
+def _contradiction(card: ObjectCard) -> str:
     """Return what cannot be true: sizes that do not describe the type, weights heavier than the object, ..."""
-    card, found = cards.object, []
     if card.dimensions is not None and card.type is not None:
-        given = {k for k, v in msgspec.structs.asdict(card.dimensions).items() if v is not None}
-        wanted = set(SIZE_KEYS[card.type])
+        given, wanted = sorted(_known(msgspec.structs.asdict(card.dimensions))), sorted(SIZE_KEYS[card.type])
         if given != wanted:
-            found.append(
-                f"the dimensions of a {card.type.value} are {', '.join(sorted(wanted))}, "
-                f"not {', '.join(sorted(given)) or 'nothing'}"
-            )
-    if card.mounting_q_body_sensor is not None:
-        norm = math.sqrt(sum(part * part for part in card.mounting_q_body_sensor))
-        if abs(norm - 1.0) > 1e-2:
-            found.append(f"object.mounting_q_body_sensor has norm {norm:.4f}, not 1")
-    if card.weights:
-        slots = [weight.slot for weight in card.weights]
-        if len(set(slots)) < len(slots):
-            found.append("two of object.weights are in the same slot")
-        total = sum(weight.mass_g for weight in card.weights)
-        if card.mass_g is not None and total > card.mass_g:
-            found.append(f"object.weights are {total:g} g together, more than object.mass_g = {card.mass_g:g} g")
-    return tuple(found)
+            is_not = ", ".join(given) or "nothing"
+            return f"the dimensions of a {card.type.value} are {', '.join(wanted)}, not {is_not}"
+    norm = math.hypot(*(card.mounting_q_body_sensor or (1.0,)))
+    if abs(norm - 1.0) > 1e-2:
+        return f"object.mounting_q_body_sensor has norm {norm:.4f}, not 1"
+    weights = card.weights or ()
+    if len({weight.slot for weight in weights}) < len(weights):
+        return "two of object.weights are in the same slot"
+    total = sum(weight.mass_g for weight in weights)
+    if card.mass_g is not None and total > card.mass_g:
+        return f"object.weights are {total:g} g together, more than object.mass_g = {card.mass_g:g} g"
+    return ""
 
 
 def cards_schema() -> dict[str, Any]:

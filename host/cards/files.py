@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
-from firmware_protocol.packets import Info, ObjectShape
+from firmware_protocol.packets import Info
 from host.cards.definitions import (
     SIZE_KEYS,
     Cards,
@@ -29,36 +29,12 @@ CARD_FILES = ("cards.toml", "object.toml", "hand.toml", "trial.toml")
 TOLERANCE = 0.05
 """Differences up to this, g or mm, are rounding: the object sends float32."""
 
-_SHAPES = {
-    ObjectShape.CUBE: ObjectType.CUBE,
-    ObjectShape.CYLINDER: ObjectType.CYLINDER,
-    ObjectShape.SPHERE: ObjectType.SPHERE,
-    ObjectShape.OTHER: ObjectType.OTHER,
-}
 
-
-@dataclass(frozen=True)
-class FoundCards:
-    """Cards of a recording and where they came from."""
-
-    cards: Cards
-    """The fields of all files together."""
-    files: tuple[Path, ...]
-    """The files, the most specific first."""
-
-
-def find_cards(recording: Path, given: tuple[Path, ...] = ()) -> FoundCards:
+def find_cards(recording: Path, given: Sequence[Path] = ()) -> Cards:
     """Return the cards of a recording.
 
-    The order is: the files given, ``<stem>.toml`` beside the recording, :data:`CARD_FILES` beside it, the same in the
-    folder above. Each field comes from the first file that has it.
-
-    Parameters
-    ----------
-    recording : Path
-        The recording.
-    given : tuple of Path, optional
-        Card files that the user named; they must exist.
+    The order is: the files given, which must exist; ``<stem>.toml`` beside the recording; :data:`CARD_FILES` beside it;
+    the same in the folder above. Each field comes from the first file that has it.
 
     Raises
     ------
@@ -68,21 +44,19 @@ def find_cards(recording: Path, given: tuple[Path, ...] = ()) -> FoundCards:
     folders = (recording.parent, recording.parent.parent) if recording.parent.name else (recording.parent,)
     candidates = [*given, recording.with_suffix(".toml")]
     candidates += [folder / name for folder in folders for name in CARD_FILES]
-    cards, files = Cards(), []
+    cards = Cards()
     for path in candidates:
-        if path in files or (path not in given and not path.is_file()):
-            continue
-        if not path.is_file():
+        if path.is_file():
+            cards = merged(cards, load_cards(path))
+        elif path in given:
             raise FileError(f"there is no card {path}", "check the path, or make one with `rotdrift init`")
-        cards = merged(cards, load_cards(path))
-        files.append(path)
-    return FoundCards(cards, tuple(files))
+    return cards
 
 
 def card_of_object(info: Info) -> ObjectCard:
     """Return what the object reports about itself (INFO) as a card; what it does not know is left out."""
     sent = info.card
-    kind = _SHAPES.get(sent.shape)
+    kind = ObjectType.__members__.get(sent.shape.name)
     keys = () if kind is None else SIZE_KEYS[kind]
     size = dict(zip(keys, map(_round, sent.size_mm), strict=False))
     known_mass = _known(sent.mass_g)
@@ -105,11 +79,6 @@ def with_object(cards: Cards, info: Info | None) -> tuple[Cards, tuple[str, ...]
     """Return cards completed by what the object reports, and notes on both.
 
     Where card and object differ the card counts, because a person measured it, and a note names the difference.
-
-    Returns
-    -------
-    cards, notes
-        The filled cards, and one sentence for each field that was filled in or that differs.
     """
     if info is None:
         return cards, ()

@@ -37,16 +37,9 @@ benchmark card. Leave out what you do not know: nothing is invented.
 
 
 def ask_for_cards(known: Cards, tables: tuple[str, ...], ask: Ask, show: Show) -> Cards:
-    """Return cards from questions about every field; each answer is checked at once, and asked for again if wrong.
+    """Return cards from questions about every field of ``tables``; what is ``known`` is the default.
 
-    Parameters
-    ----------
-    known : Cards
-        Defaults.
-    tables : tuple of str
-        Which of ``object``, ``hand``, ``trial``.
-    ask, show : callable
-        The terminal.
+    Each answer is checked at once, and asked for again if wrong.
 
     Raises
     ------

@@ -9,7 +9,7 @@ import msgspec
 from analysis.reporting.trial_report import CardRow, CardTable
 from host.cards.definitions import REQUIRED, TABLES, Cards, Dimensions, ObjectType, Weight
 
-_UNITS = {"_mm": "mm", "_g": "g", "_hz": "Hz"}
+_UNITS = {"mm": "mm", "g": "g", "hz": "Hz"}
 _LABELS = {
     "com": "centre of mass (x, y, z)",
     "com_uncertainty": "uncertainty of the centre of mass",
@@ -56,11 +56,10 @@ def motion_name(cards: Cards) -> str:
 
 
 def _label(name: str) -> tuple[str, str]:
-    for ending, unit in _UNITS.items():
-        if name.endswith(ending):
-            stem = name.removesuffix(ending)
-            return _LABELS.get(stem, stem.replace("_", " ")), unit
-    return _LABELS.get(name, name.replace("_", " ")), ""
+    stem, _, ending = name.rpartition("_")
+    unit = _UNITS.get(ending, "")
+    quantity = stem if unit else name
+    return _LABELS.get(quantity, quantity.replace("_", " ")), unit
 
 
 def value_text(value: object, unit: str = "") -> str:

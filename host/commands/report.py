@@ -104,7 +104,7 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
     for candidate in (path.with_suffix(".baseline.toml"), path.parent / "baseline.toml"):
         if baseline is None and candidate.is_file():
             baseline = candidate
-    cards = find_cards(path, tuple(args.cards)).cards
+    cards = find_cards(path, args.cards)
     return load_source(path, cards, choices, baseline)
 
 
