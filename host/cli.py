@@ -12,7 +12,8 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
-from typing import NoReturn, Protocol, cast
+from types import ModuleType
+from typing import NoReturn
 
 from host.commands import COMMANDS
 from host.errors import HostError, unreadable
@@ -28,16 +29,6 @@ links:       serial:/dev/ttyACM0   serial:COM3
 exit codes:  0 done   1 ran, but the result is not valid   2 wrong use
              3 device or link   4 file
 """
-
-
-class CommandModule(Protocol):
-    """What a module in ``host/commands`` has."""
-
-    def add_parser(self, subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-        """Declare the subcommand and its arguments."""
-
-    def run(self, args: argparse.Namespace) -> int:
-        """Run it; return the exit code."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -92,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return leaving.code if isinstance(leaving.code, int) else 0
     debug: bool = args.debug
     try:
-        code = _command(args.command).run(args)
+        code: int = _command(args.command).run(args)
         sys.stdout.flush()
     except HostError as error:
         return _report(error, str(error), error.exit_code, debug)
@@ -117,8 +108,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def _command(name: str) -> CommandModule:
-    return cast(CommandModule, importlib.import_module(f"host.commands.{name}"))
+def _command(name: str) -> ModuleType:
+    return importlib.import_module(f"host.commands.{name}")
 
 
 def _at_terminal() -> bool:

@@ -98,17 +98,18 @@ def unreadable(path: object, error: OSError) -> FileError:
     if error.errno == errno.ENAMETOOLONG:
         return FileError(f"{path} is too long a name", "check the path")
     remedy = "check the file's permissions" if isinstance(error, PermissionError) else "check the disk"
-    return FileError(f"{path} cannot be read ({_reason(error)})", remedy)
+    return FileError(f"{path} cannot be read ({reason_of(error)})", remedy)
 
 
 def unwritable(path: object, error: OSError) -> FileError:
     """Return the error for a file that the system does not let us write."""
     remedy = "free some space, or give another place" if error.errno in _FULL else "give another place"
-    return FileError(f"{path} cannot be written ({_reason(error)})", remedy)
+    return FileError(f"{path} cannot be written ({reason_of(error)})", remedy)
 
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
-def _reason(error: OSError) -> str:
+def reason_of(error: OSError) -> str:
+    """Return the system's words for an error."""
     return (error.strerror or str(error)).lower()

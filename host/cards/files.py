@@ -9,16 +9,7 @@ from pathlib import Path
 import msgspec
 
 from firmware_protocol.packets import Info
-from host.cards.definitions import (
-    SIZE_KEYS,
-    Cards,
-    Dimensions,
-    ObjectCard,
-    ObjectType,
-    Weight,
-    load_cards,
-    merged,
-)
+from host.cards.definitions import SIZE_KEYS, Cards, Dimensions, ObjectCard, ObjectType, Weight, load_cards, merged
 from host.cards.tables import value_text
 from host.errors import FileError
 from host.text import plain

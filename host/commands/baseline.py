@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from host.commands import seconds
+
 if TYPE_CHECKING:
     from analysis.sensor.baseline import StaticBaseline
     from analysis.series import OrientationSeries
@@ -34,7 +36,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("source", metavar="LINK|FILE", help="link to the object, or a recording of it at rest")
     parser.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: print only)")
     parser.add_argument(
-        "--duration", type=_seconds, metavar="S", help=f"how long to listen (default: {DEFAULT_DURATION_S:.0f} s)"
+        "--duration", type=seconds, metavar="S", help=f"how long to listen (default: {DEFAULT_DURATION_S:.0f} s)"
     )
     add_read_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
@@ -60,7 +62,9 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None and args.out.exists():
         raise already_there(args.out)
     path = Path(args.source)
-    series, temperatures_c = _from_file(path, args) if _is_recording(path) else _from_link(args)
+    # A recording is a file, or the folder of a bag; a device is neither.
+    is_recording = path.is_file() or path.is_dir()
+    series, temperatures_c = _from_file(path, args) if is_recording else _from_link(args)
     try:
         baseline = measure_baseline(series, temperatures_c)
     except BaselineError as error:
@@ -82,11 +86,6 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _is_recording(path: Path) -> bool:
-    """Return whether a path is a recording, not a device: a regular file, or the folder of a bag."""
-    return path.is_file() or path.is_dir()
-
-
 def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
     from host.results.any_file import ReadOptions, read_recording
 
@@ -96,6 +95,7 @@ def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries,
 
 def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
     import tempfile
+    from dataclasses import replace
 
     from analysis.series import SeriesError
     from host.capture.run import record
@@ -121,8 +121,6 @@ def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[fl
             trial = load_trial(recording, outcome.unwritten)
         except SeriesError as error:
             raise LinkError(f"the data from {args.source} give no baseline ({error})", "check the link") from error
-    from dataclasses import replace
-
     return replace(trial.series, source=args.source), trial.temperatures_c
 
 
@@ -150,30 +148,17 @@ def _print(baseline: StaticBaseline) -> None:
         rows.append(("sensor", f"{low:.1f} to {high:.1f} °C"))
     if baseline.allan:
         best = min(baseline.allan, key=lambda point: point.deviation_deg_per_min)
-        rows.append(
-            ("stability", f"Allan deviation of the rate {best.deviation_deg_per_min:.3f} °/min at {best.tau_s:.0f} s")
-        )
+        deviation = f"Allan deviation of the rate {best.deviation_deg_per_min:.3f} °/min at {best.tau_s:.0f} s"
+        rows.append(("stability", deviation))
     for period_s in PERIODS_S:
-        rows.append(
-            (
-                f"{period_s:.0f} s cycles",
-                f"the sensor adds up to {baseline.per_cycle_deg(period_s):.4f}° per cycle; smallest drift that shows "
-                f"above it in {CYCLES_SHOWN} cycles: {baseline.detectable_deg(period_s, CYCLES_SHOWN + 1):.4f}°",
-            )
+        share = (
+            f"the sensor adds up to {baseline.per_cycle_deg(period_s):.4f}° per cycle; smallest drift that shows "
+            f"above it in {CYCLES_SHOWN} cycles: {baseline.detectable_deg(period_s, CYCLES_SHOWN + 1):.4f}°"
         )
+        rows.append((f"{period_s:.0f} s cycles", share))
     rows += [("note", plain(note, 300)) for note in baseline.notes]
     for name, value in rows:
         grid.add_row(Text(name), Text(value))
     console = Console(highlight=False)
     console.print(Text(f"heading drift {baseline.total_rate_deg_per_min:.3f} °/min at rest", style="bold"))
     console.print(grid)
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a time in seconds above 0")
-    return value

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from host.commands import seconds
+
 if TYPE_CHECKING:
     from host.capture.run import FinishedCapture
     from host.capture.settings import CaptureSettings
@@ -31,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="serial:/dev/ttyACM0, serial:COM3, serial:socket://HOST:PORT, ...; several: as many objects at once",
     )
     parser.add_argument("--cycles", type=_whole, metavar="N", help="end after N cycles")
-    parser.add_argument("--duration", type=_seconds, metavar="S", help="end S seconds after the first sample")
+    parser.add_argument("--duration", type=seconds, metavar="S", help="end S seconds after the first sample")
     parser.add_argument(
         "--until",
         type=_until,
@@ -39,7 +41,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="end when the interval of the drift is within ±DEG, e.g. ci=0.2deg",
     )
     parser.add_argument("--guide", action="store_true", help="lead through the trial: rest, start, cycles, rest")
-    parser.add_argument("--rest", type=_seconds, default=10.0, metavar="S", help="rest of a guided trial (default: 10)")
+    parser.add_argument("--rest", type=seconds, default=10.0, metavar="S", help="rest of a guided trial (default: 10)")
     parser.add_argument("--bell", action="store_true", help="ring at every alarm and at the end")
     parser.add_argument("--ascii", action="store_true", help="draw with ASCII only")
     parser.add_argument("--theme", choices=("auto", "dark", "light"), default="auto", help="background of the terminal")
@@ -59,13 +61,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: argparse.Namespace) -> int:
-    """Capture and score.
-
-    Raises
-    ------
-    HostError
-        What went wrong, and what to do.
-    """
+    """Capture and score."""
     from datetime import datetime
 
     from analysis.scoring.result import result_text
@@ -101,19 +97,18 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         sys.stdout.write(result_text(finished.score))
     else:
-        from host.results.printout import print_score
-
-        print_score(finished.score)
-        _print_files(finished)
+        _print(finished)
     sys.stdout.flush()
     if finished.outcome.error is not None:
         raise finished.outcome.error
     return 0 if finished.score.valid else 1
 
 
-def _print_files(finished: FinishedCapture) -> None:
+def _print(finished: FinishedCapture) -> None:
     from host.capture.snapshot import difference_line
+    from host.results.printout import print_score
 
+    print_score(finished.score)
     sys.stdout.write(difference_line(finished.outcome.last_state.score.theta_bar_deg, finished.score))
     sys.stdout.write(finished.places())
 
@@ -125,7 +120,6 @@ def _run_several(
     from analysis.scoring.result import result_text
     from host.capture.several import capture_several
     from host.errors import UsageError
-    from host.results.printout import print_score
     from host.stop_signals import stop_on_signals
 
     if settings.debug_link is not None:
@@ -145,8 +139,7 @@ def _run_several(
         elif not args.json:
             sys.stdout.write(f"\n{item.link}\n")
             sys.stdout.flush()
-            print_score(finished.score)
-            _print_files(finished)
+            _print(finished)
     sys.stdout.flush()
     return max(item.exit_code for item in outcomes)
 
@@ -170,15 +163,5 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < 1e9:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a time in seconds above 0")
-    return value
-
-
 def _wait(text: str) -> float:
-    return 0.0 if text == "0" else _seconds(text)
+    return 0.0 if text == "0" else seconds(text)

@@ -28,13 +28,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the demonstration.
-
-    Raises
-    ------
-    HostError
-        What went wrong, and what to do.
-    """
+    """Run the demonstration."""
     from datetime import datetime
 
     from emulator import ScenarioError
@@ -95,19 +89,9 @@ def _print_truth(score: Result, truth: dict[str, Any], heading_drift_deg_per_min
 
 
 def true_drift_deg(score: Result, truth: dict[str, Any]) -> float | None:
-    """Return the true θ̄ of the very end points that were scored.
+    """Return the true θ̄, degrees, of the very end points that were scored, from what the virtual object recorded.
 
-    Parameters
-    ----------
-    score : Result
-        Its end points name samples by sequence number.
-    truth : dict
-        What the virtual object recorded of itself.
-
-    Returns
-    -------
-    float or None
-        Degrees; None where the truth does not know as many end points there.
+    None where the truth does not know as many end points there. End points name samples by sequence number.
     """
     from analysis.scoring.card import rotation_drift
 

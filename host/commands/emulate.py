@@ -88,14 +88,7 @@ def run(args: argparse.Namespace) -> int:
             if args.until_stdin_ends:
                 _stop_with_stdin(stop)
             run_object(
-                scenario,
-                link,
-                args.duration,
-                args.truth,
-                stop,
-                _report_ready,
-                seed=args.seed,
-                live_faults=live_faults,
+                scenario, link, args.duration, args.truth, stop, _report_ready, seed=args.seed, live_faults=live_faults
             )
     except ScenarioError as error:
         raise UsageError(str(error)) from error

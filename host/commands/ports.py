@@ -49,12 +49,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _rows() -> list[dict[str, Any]]:
+    from dataclasses import asdict
+
     from host.links.can.listing import list_can_ports
     from host.links.serial.listing import list_serial_ports
 
     serial_ports = list_serial_ports()
-    rows = [{"kind": "serial", **port.to_json()} for port in serial_ports]
-    return rows + [{"kind": "can", **port.to_json()} for port in list_can_ports(serial_ports)]
+    rows = [{"kind": "serial", **asdict(port)} for port in serial_ports]
+    return rows + [{"kind": "can", **asdict(port)} for port in list_can_ports(serial_ports)]
 
 
 def _why_not(row: dict[str, Any]) -> str:

@@ -19,28 +19,16 @@ from host.screen.screens import QuietScreen
 from host.text import plain
 from host.trial.live import Trial
 
-SECONDS = 5.0
 MAX_JITTER_MS = 20.0
 RATE_TOLERANCE = 0.02
 MAX_SKEW_PPM = 200.0
 
 
-def check_link(link: str, seconds: float = SECONDS, stop: threading.Event | None = None) -> list[Finding]:
+def check_link(link: str, seconds: float, stop: threading.Event) -> list[Finding]:
     """Open a link, capture for some seconds into a temporary recording, and return what was found.
 
-    Parameters
-    ----------
-    link : str
-        Link URI.
-    seconds : float, optional
-        Duration, from the first sample.
-    stop : threading.Event, optional
-        Ends the capture early when set.
-
-    Returns
-    -------
-    list of Finding
-        The last one is ``BAD`` if the object cannot be captured.
+    The seconds count from the first sample; ``stop`` ends the capture early. The last finding is ``BAD`` if the object
+    cannot be captured.
     """
     try:
         transport = open_transport(link)
@@ -50,7 +38,7 @@ def check_link(link: str, seconds: float = SECONDS, stop: threading.Event | None
     with tempfile.TemporaryDirectory(prefix="rotdrift-doctor-") as folder:
         writer = RecordingWriter(Path(folder) / "check.mcap", transport.name, time.time_ns(), time.monotonic_ns())
         settings = CaptureSettings(duration_s=seconds)
-        outcome = Capture(transport, writer, trial, QuietScreen(), settings, stop or threading.Event()).run()
+        outcome = Capture(transport, writer, trial, QuietScreen(), settings, stop).run()
     return [Finding("link", Verdict.OK, f"{plain(transport.name, 200)} is open"), *_judged_capture(trial, outcome)]
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from host.doctor.findings import Finding, Verdict, judged
+from host.errors import reason_of
 from host.links.serial.listing import SerialPort
 from host.text import plain
 from host.version import VERSION
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
     from host.links.can.listing import CanPort
 
 LIBRARIES = ("numpy", "scipy", "pyserial", "python-can", "mcap", "rich", "construct", "cobs", "matplotlib")
-DISK_BYTES = 16 * 2**20
+DISK_TEST_MIB = 16
+NAPS = 20
 MIN_FREE_BYTES = 2**30
 MIN_DISK_MB_S = 5.0
 """A capture writes 0.2 MB/s at 1 kHz; a disk slower than this hangs for seconds now and then."""
@@ -50,16 +52,8 @@ def versions() -> list[Finding]:
     ]
 
 
-def clock_source(sys_folder: Path = SYS, naps: int = 20) -> list[Finding]:
-    """Return which clock stamps chunks, and how late this machine wakes up.
-
-    Parameters
-    ----------
-    sys_folder : Path, optional
-        ``/sys``; without it the system's clock source is not known.
-    naps : int, optional
-        How often to sleep for a millisecond.
-    """
+def clock_source(sys_folder: Path = SYS) -> list[Finding]:
+    """Return which clock stamps chunks, and how late this machine wakes up from naps of 1 ms."""
     info = time.get_clock_info("monotonic")
     text = f"{info.implementation}, resolution {info.resolution * 1e9:.0f} ns"
     try:
@@ -68,7 +62,7 @@ def clock_source(sys_folder: Path = SYS, naps: int = 20) -> list[Finding]:
     except OSError:
         source = ""
     late_ms = []
-    for _ in range(naps):
+    for _ in range(NAPS):
         before = time.monotonic()
         time.sleep(0.001)
         late_ms.append(1e3 * (time.monotonic() - before) - 1.0)
@@ -82,23 +76,15 @@ def clock_source(sys_folder: Path = SYS, naps: int = 20) -> list[Finding]:
         ),
         judged(
             "wake-ups",
-            f"late by at most {worst_ms:.2f} ms in {naps}",
+            f"late by at most {worst_ms:.2f} ms in {NAPS}",
             good=worst_ms < MAX_LATENESS_MS,
             remedy="the machine is busy: end other programs; chunks are stamped late while it is",
         ),
     ]
 
 
-def disk(folder: Path, n_bytes: int = DISK_BYTES) -> list[Finding]:
-    """Return free space and speed of the disk that a recording would go to.
-
-    Parameters
-    ----------
-    folder : Path
-        An existing folder.
-    n_bytes : int, optional
-        How much to write; it is removed again.
-    """
+def disk(folder: Path) -> list[Finding]:
+    """Return free space and speed of the disk that a recording would go to; the file written for it is removed."""
     try:
         free = shutil.disk_usage(folder).free
     except OSError as error:
@@ -118,15 +104,14 @@ def disk(folder: Path, n_bytes: int = DISK_BYTES) -> list[Finding]:
         block = bytes(2**20)
         started = time.monotonic()
         with path.open("xb") as file:
-            for _ in range(max(1, n_bytes // len(block))):
+            for _ in range(DISK_TEST_MIB):
                 file.write(block)
             file.flush()
             os.fsync(file.fileno())
-        speed = max(n_bytes, len(block)) / 1e6 / max(time.monotonic() - started, 1e-6)
+        speed = DISK_TEST_MIB * len(block) / 1e6 / max(time.monotonic() - started, 1e-6)
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        remedy = "give --out in a folder that can be written"
-        return [*found, Finding("disk speed", Verdict.BAD, f"{folder} cannot be written ({reason})", remedy)]
+        text = f"{folder} cannot be written ({reason_of(error)})"
+        return [*found, Finding("disk speed", Verdict.BAD, text, "give --out in a folder that can be written")]
     finally:
         path.unlink(missing_ok=True)
     remedy = "record to another disk, not to a network or SD card"
@@ -134,13 +119,7 @@ def disk(folder: Path, n_bytes: int = DISK_BYTES) -> list[Finding]:
 
 
 def can_interfaces(ports: Iterable[CanPort]) -> list[Finding]:
-    """Return every CAN interface and adapter, and how to bring one up that is down.
-
-    Parameters
-    ----------
-    ports : iterable of CanPort
-        From :func:`host.links.can.listing.list_can_ports`.
-    """
+    """Return every CAN interface and adapter, and how to bring one up that is down."""
     found = []
     for port in ports:
         name = port.link.rpartition(":")[2]
@@ -158,16 +137,7 @@ def serial_ports(
 ) -> list[Finding]:
     """Return the state of every serial port: its holders, whether we may open it, the latency timer of an FTDI adapter.
 
-    Parameters
-    ----------
-    ports : iterable of SerialPort
-        From :func:`host.links.serial.listing.list_serial_ports`.
-    system : str, optional
-        ``sys.platform``.
-    sys_folder : Path, optional
-        ``/sys`` of Linux.
-    may_open : callable, optional
-        Whether a device may be read and written; by default the system is asked.
+    ``may_open`` reports whether a device may be read and written; by default the system is asked.
     """
     may_open = may_open or (lambda device: os.access(device, os.R_OK | os.W_OK))
     found = []

@@ -8,7 +8,6 @@ and name it in :data:`SCHEMES`.
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from functools import partial
 from typing import cast
 
@@ -38,21 +37,15 @@ def open_transport(uri: LinkUri | str) -> Transport:
     """
     if isinstance(uri, str):
         uri = parse_link_uri(uri)
-    module_name = SCHEMES.get(uri.scheme)
-    if module_name is None or importlib.util.find_spec(module_name) is None:
+    if uri.scheme not in SCHEMES:
         raise UsageError(f"there is no kind of link called {uri.scheme!r}", f"write it like one of {EXAMPLES}")
-    return cast(Transport, importlib.import_module(module_name).open_transport(uri))
+    return cast(Transport, importlib.import_module(SCHEMES[uri.scheme]).open_transport(uri))
 
 
-def open_lasting(uri: LinkUri | str, give_up_s: float) -> Transport:
+def open_lasting(uri: str, give_up_s: float) -> Transport:
     """Open the link a URI names; a live one is opened again when it is lost.
 
-    Parameters
-    ----------
-    uri : LinkUri or str
-        The link.
-    give_up_s : float
-        How long a lost link may take to come back, s; 0 does not wait.
+    A lost link may take ``give_up_s`` seconds to come back; 0 does not wait.
 
     Raises
     ------
@@ -61,8 +54,6 @@ def open_lasting(uri: LinkUri | str, give_up_s: float) -> Transport:
     """
     from host.links.reconnecting import ReconnectingTransport
 
-    if isinstance(uri, str):
-        uri = parse_link_uri(uri)
-    if uri.scheme == "replay":
+    if parse_link_uri(uri).scheme == "replay":
         return open_transport(uri)
     return ReconnectingTransport(partial(open_transport, uri), give_up_s)

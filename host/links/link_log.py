@@ -18,7 +18,7 @@ from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
-from host.errors import FileError, LinkLostError
+from host.errors import FileError, LinkLostError, already_there, reason_of
 from host.links.transport import AnyChunk, FrameChunk, LinkEnd, Transport, TransportAround
 from host.text import plain
 
@@ -57,13 +57,12 @@ class LinkLog(TransportAround):
         self.is_live = inner.is_live
         try:
             self._file = path.open("x", encoding="utf-8")
-        except FileExistsError as error:
-            inner.close()
-            raise FileError(f"{path} exists already", "give another name with --debug-link") from error
         except OSError as error:
             inner.close()
-            reason = (error.strerror or str(error)).lower()
-            raise FileError(f"{path} cannot be created ({reason})", "give another place with --debug-link") from error
+            if isinstance(error, FileExistsError):
+                raise already_there(path, "give another name with --debug-link") from error
+            message = f"{path} cannot be created ({reason_of(error)})"
+            raise FileError(message, "give another place with --debug-link") from error
         date = datetime.now().astimezone().isoformat(timespec="milliseconds")
         self._write_line(f"# {plain(self.name)}, times in seconds of the monotonic clock since {date}")
 
@@ -119,5 +118,4 @@ class LinkLog(TransportAround):
                 self._file.write(line + "\n")
                 self._file.flush()
             except OSError as error:
-                reason = (error.strerror or str(error)).lower()
-                self._problem = f"the log of the link has ended ({reason}); the capture goes on"
+                self._problem = f"the log of the link has ended ({reason_of(error)}); the capture goes on"

@@ -33,39 +33,28 @@ class ReaderThread:
     ----------
     transport : Transport
         Open; belongs to the thread from :meth:`start` on, except for its ``write``.
-    max_chunks : int
-        Bound of the queue.
     pause_s : float
         Rest after a read on which more bytes followed within this time; 0 reads them as they come.
     """
 
-    def __init__(self, transport: Transport, max_chunks: int = MAX_QUEUED_CHUNKS, pause_s: float = 0.0) -> None:
+    def __init__(self, transport: Transport, pause_s: float = 0.0) -> None:
         self._transport = transport
         self._pause_s = pause_s
-        self._max_chunks = max_chunks
         self._chunks: deque[AnyChunk] = deque()
         self._changed = threading.Condition()
         self._stop = threading.Event()
         self._ended = False
-        self._error: HostError | None = None
-        self._overflow_chunks = 0
+        self.error: HostError | None = None
+        """Why the link ended; None while it runs, and after an orderly end."""
+        self.overflow_chunks = 0
+        """Chunks dropped because the queue was full."""
         self._taken_s = -GATHER_S
         self._thread = threading.Thread(target=self._run, name="rotdrift-reader", daemon=True)
-
-    @property
-    def error(self) -> HostError | None:
-        """Why the link ended; None while it runs, and after an orderly end."""
-        return self._error
 
     @property
     def ended(self) -> bool:
         """Whether the link is over and every chunk of it was returned."""
         return self._ended and not self._chunks
-
-    @property
-    def overflow_chunks(self) -> int:
-        """Chunks dropped because the queue was full."""
-        return self._overflow_chunks
 
     def start(self) -> None:
         """Start to read."""
@@ -89,12 +78,9 @@ class ReaderThread:
         return chunks
 
     def stop(self, timeout_s: float = 2.0) -> bool:
-        """Ask the thread to end and wait for it; chunks already read can still be taken.
+        """Ask the thread to end and return whether it did in time; chunks already read can still be taken.
 
-        Returns
-        -------
-        bool
-            Whether it ended in time. A driver that hangs in a call is left to the daemon flag.
+        A driver that hangs in a call is left to the daemon flag.
         """
         self._stop.set()
         if self._thread.is_alive():
@@ -114,10 +100,10 @@ class ReaderThread:
         except LinkEnd:
             pass
         except HostError as error:
-            self._error = error
+            self.error = error
         except Exception as error:  # noqa: BLE001 - a thread must not die in silence
-            self._error = LinkLostError(f"{self._transport.name} failed ({type(error).__name__}: {error})")
-            self._error.__cause__ = error
+            self.error = LinkLostError(f"{self._transport.name} failed ({type(error).__name__}: {error})")
+            self.error.__cause__ = error
         finally:
             with self._changed:
                 self._ended = True
@@ -141,9 +127,9 @@ class ReaderThread:
 
     def _hand_over(self, chunk: AnyChunk) -> None:
         with self._changed:
-            while len(self._chunks) >= self._max_chunks:
+            while len(self._chunks) >= MAX_QUEUED_CHUNKS:
                 if self._transport.is_live or self._stop.is_set():
-                    self._overflow_chunks += 1
+                    self.overflow_chunks += 1
                     return
                 self._changed.wait(READ_TIMEOUT_S)
             self._chunks.append(chunk)

@@ -2,6 +2,7 @@
 
 import json
 import sys
+import threading
 from dataclasses import replace
 
 import pytest
@@ -37,14 +38,14 @@ def test_a_coarse_clock_source_is_doubtful(tmp_path, source, verdict):
     folder = tmp_path / "devices/system/clocksource/clocksource0"
     folder.mkdir(parents=True)
     (folder / "current_clocksource").write_text(source + "\n")
-    clock = found(machine_check.clock_source(tmp_path, naps=1))["clock"]
+    clock = found(machine_check.clock_source(tmp_path))["clock"]
     assert clock.verdict is verdict
     assert source in clock.text
-    assert "source" not in found(machine_check.clock_source(tmp_path / "none", naps=1))["clock"].text
+    assert "source" not in found(machine_check.clock_source(tmp_path / "none"))["clock"].text
 
 
 def test_the_disk_is_measured_and_left_clean(tmp_path):
-    findings = found(machine_check.disk(tmp_path, n_bytes=2**20))
+    findings = found(machine_check.disk(tmp_path))
     assert findings["disk speed"].text.endswith("MB/s written")
     assert list(tmp_path.iterdir()) == []
     nowhere = found(machine_check.disk(tmp_path / "nowhere"))
@@ -115,7 +116,7 @@ def checked_recording(tmp_path, **faults):
     """What is found on a link that a virtual object's recording stands behind."""
     chosen = replace(scenario("ideal", motion={"cycles": 2}), faults=FaultSettings(**faults))
     chunks, _ = faulty_chunks(chosen)
-    return found(check_link(f"replay:{write_recording(tmp_path / 'x.mcap', chunks)}", 3600.0))
+    return found(check_link(f"replay:{write_recording(tmp_path / 'x.mcap', chunks)}", 3600.0, threading.Event()))
 
 
 def test_a_good_link_is_good(tmp_path):
@@ -135,7 +136,7 @@ def test_a_lossy_link_is_bad(tmp_path):
 
 
 def test_a_link_that_is_not_there_is_bad(tmp_path):
-    (finding,) = check_link(f"serial:{tmp_path / 'none'}")
+    (finding,) = check_link(f"serial:{tmp_path / 'none'}", 1.0, threading.Event())
     assert finding.verdict is Verdict.BAD
     assert "there is no port" in finding.text
 

@@ -46,9 +46,15 @@ def test_an_unforeseen_failure_of_a_driver_does_not_kill_the_thread_silently():
     assert reader.stop(HANG_S)
 
 
+@pytest.fixture
+def short_queue(monkeypatch):
+    monkeypatch.setattr("host.links.reader_thread.MAX_QUEUED_CHUNKS", 10)
+
+
+@pytest.mark.usefixtures("short_queue")
 def test_on_a_live_link_a_full_queue_drops_and_counts():
     link = MemoryTransport()
-    reader = ReaderThread(link, max_chunks=10)
+    reader = ReaderThread(link)
     for i in range(25):
         link.deliver(Chunk(bytes([i]), i))
     reader.start()
@@ -58,19 +64,21 @@ def test_on_a_live_link_a_full_queue_drops_and_counts():
     assert reader.stop(HANG_S)
 
 
+@pytest.mark.usefixtures("short_queue")
 def test_a_replay_waits_instead_of_dropping():
     sent = [Chunk(b"x", i) for i in range(200)]
-    reader = ReaderThread(MemoryTransport(sent, ends=True), max_chunks=10)
+    reader = ReaderThread(MemoryTransport(sent, ends=True))
     reader.start()
     assert collect(reader, lambda _: reader.ended) == sent
     assert reader.overflow_chunks == 0
     assert reader.stop(HANG_S)
 
 
+@pytest.mark.usefixtures("short_queue")
 @pytest.mark.parametrize("waiting", [True, False])
 def test_it_stops_soon_even_while_nobody_takes(waiting):
     sent = [Chunk(b"x", i) for i in range(200)] if waiting else []
-    reader = ReaderThread(MemoryTransport(sent, ends=waiting), max_chunks=10)
+    reader = ReaderThread(MemoryTransport(sent, ends=waiting))
     reader.start()
     assert reader.stop(HANG_S)  # it waits 0.05 s; the rest is for a busy machine
 

@@ -85,29 +85,27 @@ class BusHealth:
 
         They only ever grow: what is over is reported all the same, however seldom somebody asks.
         """
-        found = []
-        if self.went_down:
-            channel = name.partition("?")[0].rpartition(":")[2]
-            found.append(f"{name} went down: bring it up with `sudo ip link set {channel} up`")
-        if self.bus_offs:
-            found.append(f"{name} went bus-off: check bit rate, wiring and termination, then restart the interface")
-        if self.passives:
-            found.append(f"{name} became error-passive: check bit rate, wiring and termination")
-        if self.unacknowledged:
-            found.append(f"nobody on {name} acknowledges frames: check wiring, termination and the object's power")
-        if self.overruns:
-            found.append(f"the CAN controller of {name} lost frames because this computer was too slow")
-        if self.dropped_frames:
-            found.append(
+        channel = name.partition("?")[0].rpartition(":")[2]
+        check = "check bit rate, wiring and termination"
+        found = (
+            (self.went_down, f"{name} went down: bring it up with `sudo ip link set {channel} up`"),
+            (self.bus_offs, f"{name} went bus-off: {check}, then restart the interface"),
+            (self.passives, f"{name} became error-passive: {check}"),
+            (
+                self.unacknowledged,
+                f"nobody on {name} acknowledges frames: check wiring, termination and the object's power",
+            ),
+            (self.overruns, f"the CAN controller of {name} lost frames because this computer was too slow"),
+            (
+                self.dropped_frames,
                 f"frames from {name} were lost because this computer was too slow: end other programs, or raise "
-                "net.core.rmem_max (sysctl)"
-            )
-        if self.unsent:
-            found.append(f"the CAN controller of {name} has no room for frames to be sent: the bus is too busy")
-        if self.unexplained:
-            found.append(f"{name} reports errors on the bus: check bit rate, wiring and termination")
-        if self.parser_errors:
-            found.append(
-                f"what came from {name} could not all be read: check that it is a CAN adapter, its cable and baud rate"
-            )
-        return tuple(found)
+                "net.core.rmem_max (sysctl)",
+            ),
+            (self.unsent, f"the CAN controller of {name} has no room for frames to be sent: the bus is too busy"),
+            (self.unexplained, f"{name} reports errors on the bus: {check}"),
+            (
+                self.parser_errors,
+                f"what came from {name} could not all be read: check that it is a CAN adapter, its cable and baud rate",
+            ),
+        )
+        return tuple(sentence for happened, sentence in found if happened)

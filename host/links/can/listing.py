@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,7 @@ from host.text import plain
 ARPHRD_CAN = "280"
 """Kind of a CAN interface in ``/sys/class/net/*/type``."""
 SYS_NET = Path("/sys/class/net")
-SLCAN_ADAPTERS = {
-    "16d0:117e": "CANable 2 (SLCAN)",
-    "ad50:60c4": "CANable (SLCAN)",
-    "0403:ffa8": "Lawicel CANUSB",
-}
+SLCAN_ADAPTERS = {"16d0:117e": "CANable 2 (SLCAN)", "ad50:60c4": "CANable (SLCAN)", "0403:ffa8": "Lawicel CANUSB"}
 """USB ids of adapters that speak SLCAN on a serial port."""
 PERHAPS_SLCAN = {"0483:5740": "STM32 virtual COM port, may be an SLCAN adapter"}
 """USB ids of adapters and of other devices: nothing must be sent to them unasked."""
@@ -40,10 +36,6 @@ class CanPort:
     """``up``, ``down``, or empty where nobody knows before it is opened."""
     can_listen: bool
     """Whether it can be opened without disturbing the bus, or what else may be there."""
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain values."""
-        return asdict(self)
 
 
 def list_can_ports(serial_ports: Iterable[SerialPort] = (), sys_net: Path = SYS_NET) -> list[CanPort]:

@@ -86,13 +86,7 @@ class ChunkedSlcanBus(slcanBus):
         self._buffer[:] = rest
 
     def skip_unreadable(self) -> bool:
-        """Let reading go on behind a line that cannot be read.
-
-        Returns
-        -------
-        bool
-            Whether all that had come was discarded for it, as the library's own reading needs.
-        """
+        """Let reading go on behind a line that cannot be read; True where that discarded all that had come."""
         if not self.reads_lines:
             self.flush()
         return not self.reads_lines

@@ -15,14 +15,7 @@ import sys
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from host.errors import (
-    LinkError,
-    LinkLostError,
-    PortBusyError,
-    PortNotFoundError,
-    PortPermissionError,
-    UsageError,
-)
+from host.errors import LinkError, LinkLostError, PortBusyError, PortNotFoundError, PortPermissionError, UsageError
 from host.links.serial.listing import existing_ports, port_owners
 from host.text import plain
 
@@ -49,13 +42,11 @@ def translate_open_error(
     """
     text = str(error)
     number = _errno(error, text)
-    is_url = "://" in target
-    if is_url:
+    if "://" in target:
         if isinstance(error, ValueError) or not _is_complete(target):
             return UsageError(f"{target} is not a URL that can be opened", "write it like socket://127.0.0.1:5000")
-        reason = _reason(text)
         return PortNotFoundError(
-            f"nothing answers at {target} ({reason})", "start the other side first, or correct host and port"
+            f"nothing answers at {target} ({_reason(text)})", "start the other side first, or correct host and port"
         )
     if isinstance(error, ValueError) or "baud" in text.lower():
         return UsageError(f"{target} does not open ({_reason(text)})", "give a baud rate the adapter has: ?baud=115200")
@@ -65,8 +56,7 @@ def translate_open_error(
             f"{target} is in use by another program", "close it there (a serial monitor, an IDE, another capture)"
         )
     if number in BUSY:
-        owners = port_owners(target)
-        holder = "; ".join(owners) if owners else "another program"
+        holder = "; ".join(port_owners(target)) or "another program"
         return PortBusyError(f"{target} is in use by {holder}", "end that first, or capture from another port")
     if number in DENIED:
         return _permission(target, platform)
@@ -87,9 +77,8 @@ def translate_io_error(error: Exception, name: str) -> LinkLostError:
     if type(error).__name__ == "SerialTimeoutException":
         return LinkLostError(f"{name} takes no bytes any more", "check the cable and whether the object still runs")
     reason = _reason(str(error)) or type(error).__name__
-    if (
-        isinstance(error, TypeError | ValueError) or "returned no data" in reason
-    ):  # the driver's own text explains nothing
+    if isinstance(error, TypeError | ValueError) or "returned no data" in reason:
+        # The driver's own text explains nothing.
         reason = "unplugged, or another program reads it"
     return LinkLostError(f"{name} is gone ({reason})", "plug the object in again or restart it")
 

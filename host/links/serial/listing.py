@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +28,6 @@ class SerialPort:
     serial_number: str
     owners: tuple[str, ...]
     """Programs that have it open, where the system reports them."""
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain values."""
-        return asdict(self)
 
 
 def list_serial_ports() -> list[SerialPort]:
@@ -61,10 +57,7 @@ def existing_ports() -> list[str]:
         return []
 
 
-PROC = Path("/proc")
-
-
-def port_owners(device: str, proc: Path = PROC) -> list[str]:
+def port_owners(device: str, proc: Path = Path("/proc")) -> list[str]:
     """Return the other processes that have a device open, as ``"minicom (process 4711)"``.
 
     Reads ``/proc/*/fd``; processes of other users are not visible without privilege, and other systems have no
