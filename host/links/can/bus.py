@@ -288,13 +288,17 @@ class CanTransport(Transport):
 
 def received_frame(message: can.Message, host_time_ns: int) -> CanFrame:
     """Return a message of python-can as a frame received at a time."""
-    flags = (
-        FrameFlag.EXTENDED * message.is_extended_id
-        | FrameFlag.FD * message.is_fd
-        | FrameFlag.BITRATE_SWITCH * message.bitrate_switch
-        | FrameFlag.REMOTE * message.is_remote_frame
-        | FrameFlag.ERROR * message.is_error_frame
-    )
+    flags = 0
+    if message.is_extended_id:
+        flags |= FrameFlag.EXTENDED
+    if message.is_fd:
+        flags |= FrameFlag.FD
+    if message.bitrate_switch:
+        flags |= FrameFlag.BITRATE_SWITCH
+    if message.is_remote_frame:
+        flags |= FrameFlag.REMOTE
+    if message.is_error_frame:
+        flags |= FrameFlag.ERROR
     data = b"" if message.is_remote_frame else bytes(message.data)
     if not message.is_fd:
         data = data[:8]
