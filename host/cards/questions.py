@@ -57,7 +57,7 @@ def ask_for_cards(known: Cards, tables: tuple[str, ...], ask: Ask, show: Show) -
 
 @dataclass
 class _Questions:
-    """The answers so far, and the terminal that gives more; the answers are valid cards at any time."""
+    """The answers so far, valid cards at any time, and the terminal that asks for more."""
 
     values: Values
     ask: Ask

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from host.commands import seconds
-
 if TYPE_CHECKING:
     from analysis.sensor.baseline import StaticBaseline
     from analysis.series import OrientationSeries
@@ -22,6 +20,7 @@ CYCLES_SHOWN = 10
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
+    from host.commands import seconds
     from host.results.arguments import add_read_arguments
 
     parser = subparsers.add_parser(

@@ -7,8 +7,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from host.commands import seconds
-
 if TYPE_CHECKING:
     from host.capture.run import FinishedCapture
     from host.capture.settings import CaptureSettings
@@ -18,6 +16,8 @@ if TYPE_CHECKING:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
+    from host.commands import seconds
+
     parser = subparsers.add_parser(
         "capture",
         help="record a trial live and score it",
@@ -164,4 +164,6 @@ def _whole(text: str) -> int:
 
 
 def _wait(text: str) -> float:
+    from host.commands import seconds
+
     return 0.0 if text == "0" else seconds(text)

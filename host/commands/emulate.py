@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Check what the parser cannot."""
-    from host.errors import FileError, UsageError
+    from host.errors import UsageError, already_there
 
     if not args.link:
         raise UsageError("an object needs a link", "give --link pty:PATH or --link tcp:PORT")
@@ -112,7 +112,7 @@ def _check(args: argparse.Namespace) -> None:
     if args.faults_from_stdin and args.until_stdin_ends:
         raise UsageError("faults that are typed and the end of the input do not go together", "give one of the two")
     if args.truth is not None and Path(args.truth).exists():
-        raise FileError(f"{args.truth} exists already", "give another name with --truth, or move it away")
+        raise already_there(args.truth, "give another name with --truth, or move it away")
 
 
 def _report_ready(host_uri: str) -> None:

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     Returns
     -------
     int
-        0; 1 if a trial has no valid score (the submission is written all the same, and says so).
+        0; 1 if a trial has no valid score (the submission is written all the same, and marked).
 
     Raises
     ------

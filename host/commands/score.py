@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     UsageError
         End points or window that do not fit the recording.
     FileError
-        A file cannot be scored; the message says where and why.
+        A file cannot be scored; the message has the place and the reason.
     """
     from host.errors import UsageError
     from host.results.any_file import score_recording
