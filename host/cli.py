@@ -62,13 +62,7 @@ def build_parser() -> Parser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one subcommand and return its exit code.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Without the program's name; ``sys.argv[1:]`` by default.
-    """
+    """Run one subcommand and return its exit code; the arguments are those of the process by default."""
     # numpy reads this when it is first imported. Nothing here gains from several threads, and idle ones keep spinning.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _make_output_safe()

@@ -21,12 +21,8 @@ class VirtualObjectProcess:
     """A virtual object in a process of its own, on a pty (on Windows, which has none, on a TCP port).
 
     Entering waits until it can be reached. It has a process group of its own, so that Ctrl-C reaches only us and a
-    capture can end in order before its object does. It ends when its input ends, so also when we are killed.
-
-    Parameters
-    ----------
-    scenario : str
-        Name or file.
+    capture can end in order before its object does. It ends when its input ends, so also when we are killed. The
+    scenario is a name or a file.
     """
 
     def __init__(self, scenario: str) -> None:

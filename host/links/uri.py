@@ -81,10 +81,10 @@ def parse_link_uri(text: str) -> LinkUri:
     text = text.strip()
     body, _, query = text.partition("?")
     scheme, colon, target = body.partition(":")
-    if _is_bare_port(body):
+    if body.endswith(".mcap"):
+        scheme, target = "replay", body.removeprefix("replay:")
+    elif _is_bare_port(body):
         scheme, target = "serial", body
-    elif body.endswith(".mcap") and (not colon or scheme != "replay"):
-        scheme, target = "replay", body
     elif not colon or not target:
         raise UsageError(f"{text or 'an empty text'} is not a link", f"write it like one of {EXAMPLES}")
     if scheme == "tcp":  # as `rotdrift emulate` writes it
@@ -96,8 +96,6 @@ def parse_link_uri(text: str) -> LinkUri:
 
 
 def _is_bare_port(body: str) -> bool:
-    if body.endswith(".mcap"):
-        return False
     return bool(
         body.startswith(("/", "./", "\\\\.\\"))
         or re.fullmatch(r"COM\d{1,3}", body, re.IGNORECASE)

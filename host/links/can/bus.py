@@ -69,17 +69,7 @@ def open_transport(uri: LinkUri) -> CanTransport:
 
 
 class CanTransport(Transport):
-    """An open bus, and the one object on it that is talked to.
-
-    Parameters
-    ----------
-    settings : CanSettings
-        The link.
-    name : str
-        Its URI.
-    bus : can.BusABC
-        Open.
-    """
+    """An open bus, and the one object on it that is talked to; ``name`` is the link's URI."""
 
     def __init__(self, settings: CanSettings, name: str, bus: can.BusABC) -> None:
         self.name = name

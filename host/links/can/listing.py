@@ -39,15 +39,7 @@ class CanPort:
 
 
 def list_can_ports(serial_ports: Iterable[SerialPort] = (), sys_net: Path = SYS_NET) -> list[CanPort]:
-    """Return the CAN interfaces, sorted by link.
-
-    Parameters
-    ----------
-    serial_ports : iterable of SerialPort
-        Those that may be SLCAN adapters, by their USB ids, are listed too.
-    sys_net : Path
-        The kernel's list of network interfaces.
-    """
+    """Return the CAN interfaces, sorted by link, and the serial ports that may be SLCAN adapters by their USB ids."""
     ports = _socketcan(sys_net) + _adapters()
     ports += [
         CanPort(f"can:slcan:{port.device}?bitrate=500000", what, "", port.vid_pid in SLCAN_ADAPTERS)

@@ -27,18 +27,10 @@ DENIED = {errno.EACCES, errno.EPERM}
 def translate_open_error(
     error: Exception, target: str, existing: list[str] | None = None, platform: str = sys.platform
 ) -> LinkError | UsageError:
-    """Return the error of a port that did not open.
+    """Return the error of a port that did not open: ``target`` is a device path, COM port or URL.
 
-    Parameters
-    ----------
-    error : Exception
-        What the driver raised.
-    target : str
-        Device path, COM port or URL.
-    existing : list of str, optional
-        Ports that do exist, to suggest; those of this machine by default.
-    platform : str
-        ``sys.platform``; a parameter, so that every platform's sentences are tested on one.
+    The ports suggested are those of this machine, if no ``existing`` ones are given. The platform is a parameter, so
+    that every platform's sentences are tested on one.
     """
     text = str(error)
     number = _errno(error, text)
