@@ -100,10 +100,8 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
             choices = choices.with_endpoints(load_endpoints(beside))
     except ReaderError as error:
         raise UsageError(str(error)) from error
-    baseline = args.baseline
-    for candidate in (path.with_suffix(".baseline.toml"), path.parent / "baseline.toml"):
-        if baseline is None and candidate.is_file():
-            baseline = candidate
+    baselines = (path.with_suffix(".baseline.toml"), path.parent / "baseline.toml")
+    baseline = args.baseline or next(filter(Path.is_file, baselines), None)
     cards = find_cards(path, args.cards)
     return load_source(path, cards, choices, baseline)
 

@@ -166,11 +166,12 @@ def _linux_remedy(port: SerialPort) -> str:
 def _latency_timer(port: SerialPort, system: str, sys_folder: Path) -> Finding:
     """Return how long an FTDI adapter keeps bytes back: 16 ms unless set otherwise."""
     topic = f"{port.device} latency timer"
-    if system == "win32":
-        remedy = "Device Manager > port > Port Settings > Advanced > Latency Timer: 1"
-        return Finding(topic, Verdict.INFO, "not readable from here; 16 ms unless changed", remedy)
-    if system == "darwin":
-        return Finding(topic, Verdict.INFO, "not readable from here; 16 ms unless changed", "use FTDI's own driver")
+    remedies = {
+        "win32": "Device Manager > port > Port Settings > Advanced > Latency Timer: 1",
+        "darwin": "use FTDI's own driver",
+    }
+    if system in remedies:
+        return Finding(topic, Verdict.INFO, "not readable from here; 16 ms unless changed", remedies[system])
     path = sys_folder / "bus/usb-serial/devices" / Path(port.device).name / "latency_timer"
     try:
         timer_ms = int(path.read_text())
