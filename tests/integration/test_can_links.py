@@ -144,7 +144,6 @@ def test_bad_bytes_from_an_adapter_are_counted_and_survived(
             told = transport.health.parser_errors + got.link.counters.foreign_frames > before
             assert told or bad == b"\x07\x07", bad
         finish(transport, got)
-    assert (transport.health.flushes > 0) == (not reads_lines)
     assert "could not all be read" in transport.problems[0]
 
 

@@ -195,7 +195,7 @@ class CanTransport(Transport):
             # Bytes that are not ASCII stay in the library's own buffer; of other lines nothing is left.
             if no_text:
                 with contextlib.suppress(*IO_ERRORS):
-                    self.health.flushes += self._bus.skip_unreadable()
+                    self._bus.skip_unreadable()
             return
         if interface == "socketcand":
             self.health.parser_errors += 1

@@ -42,8 +42,6 @@ class BusHealth:
     """Whether the interface was ever down meanwhile."""
     parser_errors: int = 0
     """Lines from the adapter that python-can could not read."""
-    flushes: int = 0
-    """Of these, how often its input was discarded to go on."""
     reopens: int = 0
     """How often the bus was opened again to go on."""
     filtered_frames: int = 0

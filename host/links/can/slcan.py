@@ -85,11 +85,10 @@ class ChunkedSlcanBus(slcanBus):
             rest = b""
         self._buffer[:] = rest
 
-    def skip_unreadable(self) -> bool:
-        """Let reading go on behind a line that cannot be read; True where that discarded all that had come."""
+    def skip_unreadable(self) -> None:
+        """Let reading go on behind a line that cannot be read; the library's own reading must discard all for it."""
         if not self.reads_lines:
             self.flush()
-        return not self.reads_lines
 
     def flush(self) -> None:
         """Discard what has come and was not read."""
