@@ -52,6 +52,7 @@ class KnownCycles:
         self.first_rad: float | None = None
         """Way to the first extreme, rad: no swing, as it starts anywhere; None before the first extreme."""
         self._settings = settings
+        self._starts_anywhere = True  # the way to the next extreme starts anywhere, so it is not a swing
         self._swings_rad: deque[float] = deque(maxlen=_USUAL_OF)
         self._spacings_s: deque[float] = deque(maxlen=_USUAL_OF)
 
@@ -69,7 +70,8 @@ class KnownCycles:
         return median((*self._swings_rad, travel_rad))
 
     def cut(self) -> None:
-        """Note a gap in the data: the next distance between end points is not one of a cycle."""
+        """Note a gap in the data: neither the next distance between end points nor the way to them is of a cycle."""
+        self._starts_anywhere = True
         for kind in self.kinds:
             kind.previous_s = None
 
@@ -89,8 +91,9 @@ class KnownCycles:
             endpoint = replace(endpoint, flags=(*endpoint.flags, "odd swing"))
         if self.first_rad is None:
             self.first_rad = travel_rad
-        else:
+        elif not self._starts_anywhere:
             self._swings_rad.append(travel_rad)
+        self._starts_anywhere = False
         if self.primary is None:
             self.primary = upper
         kind = self.kinds[upper]
