@@ -18,11 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.formats.errors import WriterError
 from analysis.formats.source import plain
 from analysis.formats.time_stamps import RawSamples
 from analysis.geometry import rotations
-from analysis.series import OrientationSeries, ReaderError
+from analysis.series import OrientationSeries, ReaderError, WriterError
 
 ROS1_MAGIC = b"#ROSBAG V2"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
@@ -177,7 +176,7 @@ def _collect(messages: Iterator[tuple[int, Any]], kind: str, path: Path, what: s
     )
 
 
-def write_ros_bag(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
+def write_ros_bag(series: OrientationSeries, _result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
     """Write a ROS 2 bag; message times are the recording's own.
 
     Raises
@@ -185,7 +184,6 @@ def write_ros_bag(series: OrientationSeries, result: dict[str, Any] | None, path
     WriterError
         The extra is not installed, times are before 1970, or the name is that of a ROS 1 bag.
     """
-    del result
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
