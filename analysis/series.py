@@ -48,7 +48,7 @@ class BaselineError(AnalysisError):
 
 @dataclass(frozen=True, eq=False)
 class SetAside:
-    """Samples of the source that time does not allow in the series (a time stamp met twice, or one going backwards).
+    """Samples of the source that time does not allow in the series (repeated and backward time stamps).
 
     They can still be named as end points by their row.
     """

@@ -91,12 +91,7 @@ class ColumnSpec:
 
 
 def parse_columns(text: str) -> ColumnSpec:
-    """Parse the declaration of a file's columns.
-
-    Parameters
-    ----------
-    text : str
-        ``key=value`` pairs with commas between; the keys are those of this module's table.
+    """Parse a declaration: ``key=value`` pairs with commas between; the keys are those of this module's table.
 
     Raises
     ------

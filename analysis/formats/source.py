@@ -1,4 +1,4 @@
-"""A file that is opened once for all who look at it: the host's readers, and every format here."""
+"""A file that is opened once for everything that reads it: the host's readers, and every format here."""
 
 from __future__ import annotations
 

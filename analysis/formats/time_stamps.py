@@ -47,22 +47,10 @@ class RawSamples:
 
 
 def to_series(raw: RawSamples, source: str, rate_hz: float | None = None) -> OrientationSeries:
-    """Make a series of raw samples.
+    """Make a series of raw samples; ``rate_hz`` is the sampling rate where the file has no time stamps.
 
-    Parameters
-    ----------
-    raw : RawSamples
-        What the reader found.
-    source : str
-        What it was read from, for people.
-    rate_hz : float, optional
-        Sampling rate; needed where the file has no time stamps, not allowed to contradict them.
-
-    Returns
-    -------
-    OrientationSeries
-        Rows with a repeated or backward time are set aside (the fewest that must go) and can still be named as end
-        points; notes report what was done.
+    Rows with a repeated or backward time are set aside (the fewest that must go) and can still be named as end points;
+    notes report what was done.
 
     Raises
     ------

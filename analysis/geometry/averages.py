@@ -15,7 +15,7 @@ from analysis.geometry.rotations import FloatArray
 def average(quats_wxyz: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> FloatArray:
     """Return the average of each group of quaternions; card step 3.
 
-    Many groups at once take little longer than one, whose time is mostly numpy's own per call.
+    Small groups belong in one call: what one costs alone is mostly numpy's own cost per call.
 
     Parameters
     ----------
