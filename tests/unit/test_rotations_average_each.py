@@ -1,6 +1,7 @@
 """Averages of many groups at once against one group at a time."""
 
 import numpy as np
+import pytest
 
 from analysis.geometry import averages, rotations
 
@@ -22,3 +23,5 @@ def test_groups_filled_up_with_anything_give_their_own_averages():
 
 def test_no_groups():
     assert averages.average(np.empty((0, 3, 4)), np.empty((0, 3))).shape == (0, 4)
+    with pytest.raises(ValueError, match="n >= 1"):
+        averages.average(np.empty((3, 0, 4)))
