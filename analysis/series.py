@@ -16,6 +16,8 @@ _UNIT_ROUNDING = 1e-15
 _BLOCK = 8192  # rows worked on at a time
 NORM_TOLERANCE = 1e-2
 """A quaternion whose norm is further from 1 than this is refused, not silently normalised."""
+GAP_FACTOR = 5.0
+"""An interval longer than so many usual ones is a gap."""
 
 
 class AnalysisError(Exception):
@@ -23,6 +25,7 @@ class AnalysisError(Exception):
 
     SeriesError           an orientation series is impossible: shape, NaN, norm, times going backwards
     ReaderError           a file is not what it should be: format, text in a number, no rows (names the line)
+    WriterError           a format cannot hold this recording, or needs a package that is not installed
     BaselineError         a static baseline cannot be measured (the object moved, too short) or its file is not one
     """
 
@@ -35,13 +38,17 @@ class ReaderError(AnalysisError):
     """A file that cannot be read as orientations; one sentence with the line number and what to do."""
 
 
+class WriterError(AnalysisError):
+    """A format that cannot hold this recording; the message names what is missing."""
+
+
 class BaselineError(AnalysisError):
     """A static baseline that is not valid; the message names the reason."""
 
 
 @dataclass(frozen=True, eq=False)
 class SetAside:
-    """Samples of the source that time does not allow in the series (a time stamp met twice, or one going backwards).
+    """Samples of the source that time does not allow in the series (repeated and backward time stamps).
 
     They can still be named as end points by their row.
     """
@@ -52,11 +59,9 @@ class SetAside:
     """(k, 4) unit, scalar first, body to world."""
     index: IntArray
     """(k,) row or sequence number."""
-    positions_m: FloatArray | None = None
-    """(k, 3) where the source has them, m."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sample:
     """One sample of a recording, found by its name."""
 
@@ -64,10 +69,8 @@ class Sample:
     """Recording's own time, s."""
     index: int
     """Row or sequence number."""
-    quat_wxyz: tuple[float, float, float, float]
-    """Unit, scalar first, body to world."""
-    position_m: tuple[float, float, float] | None
-    """World frame, m."""
+    quat_wxyz: FloatArray
+    """(4,) unit, scalar first, body to world."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +149,8 @@ class OrientationSeries:
         """Usual interval between samples (the median), s; NaN with fewer than 2 samples."""
         return float(np.median(np.diff(self.times_s))) if len(self) > 1 else float("nan")
 
-    def gaps(self, factor: float = 5.0) -> FloatArray:
-        """Find where samples are missing: intervals longer than ``factor`` times the usual one.
+    def gaps(self) -> FloatArray:
+        """Find where samples are missing: intervals longer than ``GAP_FACTOR`` times the usual one.
 
         Returns
         -------
@@ -155,7 +158,7 @@ class OrientationSeries:
         """
         if len(self) < 2:
             return np.empty((0, 2))
-        wide = np.flatnonzero(np.diff(self.times_s) > factor * self.interval_s)
+        wide = np.flatnonzero(np.diff(self.times_s) > GAP_FACTOR * self.interval_s)
         return np.stack((self.times_s[wide], self.times_s[wide + 1]), axis=1)
 
     def sample(self, index: int) -> Sample:
@@ -171,26 +174,14 @@ class OrientationSeries:
                 continue
             found = np.flatnonzero(part.index == index)
             if len(found):
-                k = int(found[0])
-                w, x, y, z = (float(value) for value in part.quats_wxyz[k])
-                at = None if part.positions_m is None else part.positions_m[k]
-                position = None if at is None else (float(at[0]), float(at[1]), float(at[2]))
-                return Sample(float(part.times_s[k]), int(index), (w, x, y, z), position)
+                return Sample(float(part.times_s[found[0]]), index, part.quats_wxyz[found[0]])
         extent = f"{int(self.index[0])} to {int(self.index[-1])}" if len(self) else "no samples"
         raise SeriesError(f"there is no {self.index_kind} {index} in the recording ({extent})")
 
 
 def _normalised(quats: FloatArray) -> FloatArray:
-    """Return (n, 4) quaternions that are nearly unit as unit; the array itself where all are within rounding.
-
-    In blocks that stay in the cache, several times as fast.
-
-    Raises
-    ------
-    SeriesError
-        A norm off by more than ``NORM_TOLERANCE``, or NaN.
-    """
-    unit = quats
+    """Return (n, 4) nearly unit quaternions as unit; the array itself where all are within rounding."""
+    unit = quats  # worked on in blocks that stay in the cache: several times as fast
     for start in range(0, len(quats), _BLOCK):
         part = slice(start, start + _BLOCK)
         squares = np.square(quats[part])

@@ -111,7 +111,7 @@ class Samples:
             right, left = np.minimum(rows + 1, n - 1), np.maximum(rows - 1, 0)
             own = (times_s[right] - times_s[left]) / (right - left)
             weights = np.maximum(1.0 - np.abs(times_s[rows] - moments_s[group, None]) / reach[group, None], 0.0)
-            found[group] = averages.average_each(self.quats_wxyz[rows], np.where(inside, weights * own, 0.0))
+            found[group] = averages.average(self.quats_wxyz[rows], np.where(inside, weights * own, 0.0))
         return found
 
 

@@ -28,7 +28,6 @@ from analysis.series import OrientationSeries, ReaderError
 
 __all__ = [
     "FORMATS",
-    "ColumnSpec",
     "ReaderError",
     "SourceFile",
     "is_mcap",
@@ -56,7 +55,7 @@ FORMATS: dict[str, tuple[str, Writer]] = {
 def read_series(
     source: Path | str | SourceFile,
     *,
-    columns: str | ColumnSpec | None = None,
+    columns: str | None = None,
     rate_hz: float | None = None,
     topic: str | None = None,
 ) -> OrientationSeries:
@@ -69,7 +68,7 @@ def read_series(
     ----------
     source : Path or str or SourceFile
         File, or folder of a ROS 2 bag; one that is open already is not opened again.
-    columns : str or ColumnSpec, optional
+    columns : str, optional
         What the columns of a CSV or parquet file mean (:mod:`analysis.formats.columns`); None to recognise them.
     rate_hz : float, optional
         Sampling rate where the file has no time stamps.
@@ -86,14 +85,14 @@ def read_series(
     if not isinstance(source, SourceFile):
         with SourceFile(Path(source)) as opened:
             return read_series(opened, columns=columns, rate_hz=rate_hz, topic=topic)
-    spec = parse_columns(columns) if isinstance(columns, str) else columns
+    spec = parse_columns(columns) if columns is not None else None
     series = to_series(_raw_samples(source, spec, topic), source.label, rate_hz)
     return series.with_remarks(warnings=convention_warnings(series))
 
 
 def _raw_samples(source: SourceFile, spec: ColumnSpec | None, topic: str | None) -> RawSamples:
-    if is_bag(source.path, source.head):
-        return read_ros_bag(source.path, topic)
+    if is_bag(source):
+        return read_ros_bag(source, topic)
     if source.path.is_dir():
         raise ReaderError(f"{source.name} is a folder without metadata.yaml, so no ROS 2 bag: give a file in it")
     if source.head.startswith(PARQUET_MAGIC):

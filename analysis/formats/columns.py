@@ -34,7 +34,7 @@ import numpy as np
 from analysis.formats.source import plain
 from analysis.formats.time_stamps import RawSamples
 from analysis.geometry import rotations
-from analysis.geometry.euler_angles import from_euler
+from analysis.geometry.euler_angles import from_euler, is_order
 from analysis.series import FloatArray, ReaderError
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -63,36 +63,19 @@ _POSITION_NAME = re.compile(r"^(?:p|pos|position|t)[_. ]?([xyz])(?:[_ ]?[(\[]?(m
 
 @dataclass(frozen=True)
 class ColumnSpec:
-    """Declared meaning of a file's columns."""
+    """Meaning of a file's columns; the settings are those of the table above."""
 
-    columns: tuple[tuple[str, str], ...]
-    """(key, column name or #number) pairs; keys as in the table above."""
+    names: dict[str, str]
+    """Key to column name or #number, in the order of the table above."""
     time: str = "s"
-    """Unit of t."""
     angle: str = ""
-    """Unit of the Euler angles."""
     euler: str = ""
-    """``intrinsic-`` or ``extrinsic-`` and the order."""
     length: str = "m"
-    """Unit of the position."""
     accel: str = "mps2"
-    """Unit of the acceleration."""
     product: str = "hamilton"
-    """Quaternion product the numbers were made for."""
     maps: str = "body-to-world"
-    """What the rotation does to coordinates."""
     declared: bool = True
     """False where the meaning was guessed from the names, which the notes of the samples then report."""
-
-    @property
-    def names(self) -> dict[str, str]:
-        """Key to column name."""
-        return dict(self.columns)
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Keys in a fixed order."""
-        return tuple(key for key in _COLUMN_KEYS if key in self.names)
 
     @property
     def convention(self) -> str:
@@ -108,12 +91,7 @@ class ColumnSpec:
 
 
 def parse_columns(text: str) -> ColumnSpec:
-    """Parse the declaration of a file's columns.
-
-    Parameters
-    ----------
-    text : str
-        ``key=value`` pairs with commas between; the keys are those of this module's table.
+    """Parse a declaration: ``key=value`` pairs with commas between; the keys are those of this module's table.
 
     Raises
     ------
@@ -140,7 +118,7 @@ def parse_columns(text: str) -> ColumnSpec:
                 f"--columns: unknown key '{plain(key)}'; there are {', '.join((*_COLUMN_KEYS, *_SETTINGS))}"
             )
     _check(columns, settings)
-    return ColumnSpec(columns=tuple(columns.items()), declared=True, **settings)
+    return ColumnSpec({key: columns[key] for key in _COLUMN_KEYS if key in columns}, declared=True, **settings)
 
 
 def _check(columns: dict[str, str], settings: dict[str, str]) -> None:
@@ -160,7 +138,7 @@ def _check(columns: dict[str, str], settings: dict[str, str]) -> None:
     if with_euler:
         kind, _, order = settings.get("euler", "").partition("-")
         axes = order.replace("-", "")
-        if kind not in ("intrinsic", "extrinsic") or not _is_order(axes):
+        if kind not in ("intrinsic", "extrinsic") or not is_order(axes):
             raise ReaderError("--columns: Euler angles need euler=intrinsic-zyx, extrinsic-xyz or the like")
         if "angle" not in settings:
             raise ReaderError("--columns: Euler angles need angle=deg or angle=rad")
@@ -169,17 +147,8 @@ def _check(columns: dict[str, str], settings: dict[str, str]) -> None:
         raise ReaderError("--columns: product=jpl needs maps= as well: JPL data usually have maps=world-to-body")
 
 
-def _is_order(axes: str) -> bool:
-    return len(axes) == 3 and set(axes) <= set("xyz") and axes[0] != axes[1] and axes[1] != axes[2]
-
-
 def guess_names(header: tuple[str, ...]) -> ColumnSpec | None:
-    """Recognise column names: time and the four parts of a quaternion, with the position where there is one.
-
-    Returns
-    -------
-    What the columns mean, or None where the names leave a doubt.
-    """
+    """Recognise time, quaternion and perhaps position by the names of the columns; None where these leave a doubt."""
     found: dict[str, str] = {}
     units: dict[str, str] = {}
     for name in header:
@@ -199,27 +168,12 @@ def guess_names(header: tuple[str, ...]) -> ColumnSpec | None:
         found[key] = name
     if not set(QUATERNION) <= set(found):
         return None
-    if not set(POSITION) <= set(found):
-        found = {key: name for key, name in found.items() if key not in POSITION}
-        units.pop("length", None)
-    return ColumnSpec(columns=tuple(found.items()), declared=False, **units)
+    whole = _COLUMN_KEYS if set(POSITION) <= set(found) else ("t", *QUATERNION)
+    return ColumnSpec({key: found[key] for key in whole if key in found}, declared=False, **units)
 
 
 def column_numbers(spec: ColumnSpec, header: Sequence[str], width: int) -> tuple[int, ...]:
-    """Find the declared columns.
-
-    Parameters
-    ----------
-    spec : ColumnSpec
-        The declaration.
-    header : sequence of str
-        Column names; empty where the file has no header.
-    width : int
-        Number of columns.
-
-    Returns
-    -------
-    One 0-based column number for each of ``spec.keys``.
+    """Return the 0-based number of each of ``spec.names`` in a file of ``width`` columns, perhaps without a header.
 
     Raises
     ------
@@ -227,8 +181,7 @@ def column_numbers(spec: ColumnSpec, header: Sequence[str], width: int) -> tuple
         No such column, or two of the same name.
     """
     found, columns = [], list(header)
-    for key in spec.keys:
-        name = spec.names[key]
+    for key, name in spec.names.items():
         if name.startswith("#") and name[1:].isdigit() and name not in header:
             if len(name) > 5 or int(name[1:]) >= width:
                 raise ReaderError(
@@ -245,43 +198,9 @@ def column_numbers(spec: ColumnSpec, header: Sequence[str], width: int) -> tuple
     return tuple(found)
 
 
-def orientations(spec: ColumnSpec, values: FloatArray) -> FloatArray:
-    """Turn declared columns into Hamilton body-to-world quaternions.
-
-    A JPL quaternion that maps world to body has the same four numbers as the Hamilton one that maps body to world;
-    each single departure (JPL, or world to body) conjugates.
-
-    Parameters
-    ----------
-    spec : ColumnSpec
-        The declaration.
-    values : array of float
-        (n, 4) w, x, y, z or (n, 3) Euler angles, as in the file.
-
-    Returns
-    -------
-    (n, 4) scalar first; norms are left as they are.
-    """
-    if spec.euler:
-        kind, order = spec.euler.split("-")
-        quats = from_euler(values * ANGLE_UNITS[spec.angle], order, intrinsic=kind == "intrinsic")
-    else:
-        quats = values
-    conjugated = (spec.product == "jpl") != (spec.maps == "world-to-body")
-    return rotations.conjugate(quats) if conjugated else quats
-
-
 def samples_of(table: FloatArray, spec: ColumnSpec) -> RawSamples:
-    """Turn columns into samples.
-
-    Parameters
-    ----------
-    table : array of float
-        (n, k) values in the order of ``spec.keys``.
-    spec : ColumnSpec
-        What they mean.
-    """
-    place = {key: number for number, key in enumerate(spec.keys)}
+    """Return (n, k) columns, in the order of ``spec.names``, as samples."""
+    place = {key: number for number, key in enumerate(spec.names)}
 
     def group(keys: tuple[str, ...]) -> FloatArray | None:
         return table[:, [place[key] for key in keys]] if keys[0] in place else None
@@ -292,7 +211,7 @@ def samples_of(table: FloatArray, spec: ColumnSpec) -> RawSamples:
     times_s = table[:, place["t"]] * TIME_UNITS[spec.time] if "t" in place else None
     guessed = "columns recognised by their names; Hamilton, body to world assumed (--columns says otherwise)"
     return RawSamples(
-        quats_wxyz=orientations(spec, rotation),
+        quats_wxyz=_orientations(spec, rotation),
         times_s=times_s,
         positions_m=None if position is None else position * LENGTH_UNITS[spec.length],
         accelerations_mps2=None if acceleration is None else acceleration * ACCELERATION_UNITS[spec.accel],
@@ -300,6 +219,18 @@ def samples_of(table: FloatArray, spec: ColumnSpec) -> RawSamples:
         notes=() if spec.declared else (guessed,),
         warnings=_unit_warnings(spec, rotation, times_s),
     )
+
+
+def _orientations(spec: ColumnSpec, values: FloatArray) -> FloatArray:
+    """Return (n, 4) quaternions w, x, y, z or (n, 3) Euler angles as Hamilton body-to-world quaternions."""
+    quats = values
+    if spec.euler:
+        kind, order = spec.euler.split("-")
+        quats = from_euler(values * ANGLE_UNITS[spec.angle], order, intrinsic=kind == "intrinsic")
+    # A JPL quaternion that maps world to body has the same four numbers as the Hamilton one that maps body to world;
+    # each single departure (JPL, or world to body) conjugates.
+    conjugated = (spec.product == "jpl") != (spec.maps == "world-to-body")
+    return rotations.conjugate(quats) if conjugated else quats
 
 
 def _unit_warnings(spec: ColumnSpec, rotation: FloatArray, times_s: FloatArray | None) -> tuple[str, ...]:

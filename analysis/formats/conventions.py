@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.geometry import averages, rotations
-from analysis.series import FloatArray, OrientationSeries
+from analysis.series import GAP_FACTOR, FloatArray, OrientationSeries
 
 JUMP_DEG = 25.0
 """A step between neighbouring samples is a jump from here on, if it also stands out tenfold."""
@@ -28,12 +28,7 @@ _MAX_POINTS = 200_000  # thinned beyond this: the checks are statistics
 
 
 def convention_warnings(series: OrientationSeries) -> tuple[str, ...]:
-    """Look for contradictions between the data and the convention they were read with.
-
-    Returns
-    -------
-    One sentence for each contradiction.
-    """
+    """Return one sentence for each contradiction between the data and the convention they were read with."""
     if len(series) < 10:
         return ()
     return (*_jumps(series), *_gravity(series), *_axis_of_motion(series))
@@ -42,7 +37,7 @@ def convention_warnings(series: OrientationSeries) -> tuple[str, ...]:
 def _jumps(series: OrientationSeries) -> tuple[str, ...]:
     steps_deg = np.degrees(rotations.distance(series.quats_wxyz[1:], series.quats_wxyz[:-1]))
     usual = float(np.percentile(steps_deg, 99.0))
-    gap_free = np.diff(series.times_s) <= 5.0 * series.interval_s
+    gap_free = np.diff(series.times_s) <= GAP_FACTOR * series.interval_s
     jumps = np.flatnonzero((steps_deg > max(JUMP_DEG, 10.0 * usual)) & gap_free)
     if not len(jumps):
         return ()

@@ -54,13 +54,7 @@ def _t42_names(table: TextTable) -> tuple[str, ...]:
 
 
 def read_t42(table: TextTable) -> RawSamples:
-    """Read a T42 file.
-
-    Raises
-    ------
-    ReaderError
-        A cell that is not a number.
-    """
+    """Read a T42 file; raises ReaderError for a cell that is not a number."""
     header = _t42_names(table)
 
     def read(names: tuple[str, ...]) -> tuple[FloatArray, tuple[str, ...]]:
@@ -134,19 +128,9 @@ def _no_stations(stations: FloatArray) -> BoolArray:
 
 
 def read_ndx(table: TextTable, station: str | None = None) -> RawSamples:
-    """Read an NDX_A file.
+    """Read one station of an NDX_A file; without ``station`` the one that turns most, which a warning reports.
 
-    Parameters
-    ----------
-    table : TextTable
-        The file.
-    station : str, optional
-        Which station, where the tracker followed several; None for the one that turns most, which a warning reports.
-
-    Returns
-    -------
-    RawSamples
-        Rows keep their number in the file, also where those of other stations are left out.
+    Rows keep their number in the file, also where those of other stations are left out.
 
     Raises
     ------
@@ -203,9 +187,8 @@ def _station_rows(
     return np.flatnonzero(stations == chosen), (warning,)
 
 
-def write_kit_csv(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
+def write_kit_csv(series: OrientationSeries, _result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
     """Write the T42 layout; positions that are not known are written as zeros, which the notes report."""
-    del result
     positions, notes = known_positions(series)
     # Intrinsic z-y-x angles, read from the other end, are the extrinsic x-y-z angles.
     angles = to_euler_zyx(series.quats_wxyz)[:, ::-1]

@@ -14,27 +14,19 @@ from typing import Any
 import numpy as np
 
 from analysis.formats.columns import QUATERNION, ColumnSpec, column_numbers, samples_of
-from analysis.formats.errors import WriterError
 from analysis.formats.text_table import Layout, TextTable, is_numeric_row, read_table
 from analysis.formats.time_stamps import RawSamples
-from analysis.series import OrientationSeries
+from analysis.series import OrientationSeries, WriterError
 
 WRITTEN_POSITION = ("px_m", "py_m", "pz_m")
 """Names of the position's columns in tables written here."""
 
 
 def read_named(table: TextTable, spec: ColumnSpec) -> RawSamples:
-    """Read a CSV by its column names.
-
-    Raises
-    ------
-    ReaderError
-        No such column, or a cell that is not a number.
-    """
+    """Read a CSV by its column names; raises ReaderError for a column or a number that is not there."""
     header = () if is_numeric_row(table.rows[0]) else table.names
     numbers = column_numbers(spec, header, len(table.names))
-    names = tuple(spec.names[key] for key in spec.keys)
-    layout = Layout(table.delimiter, table.header_lines if header else 0, numbers, names)
+    layout = Layout(table.delimiter, table.header_lines if header else 0, numbers, tuple(spec.names.values()))
     values, cut = read_table(table.source, layout)
     samples = samples_of(values, spec)
     return replace(samples, notes=(*samples.notes, *cut))
@@ -58,12 +50,9 @@ def csv_text(series: OrientationSeries) -> str:
 
 
 def endpoints_csv_text(result: dict[str, Any]) -> str:
-    """Return end points as CSV: number, sample, time in s, the quaternion that was scored, flags, reason.
+    """Return the end points of a score (as JSON values) as CSV.
 
-    Parameters
-    ----------
-    result : dict
-        A score as JSON values.
+    Columns: number, sample, time in s, the quaternion that was scored, flags, reason.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
@@ -84,22 +73,14 @@ def safe_cell(text: str) -> str:
     return f"'{text}" if text.lstrip()[:1] in {"=", "+", "-", "@", "|", "%"} or text[:1] in {"\t", "\r"} else text
 
 
-def write_csv(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
+def write_csv(series: OrientationSeries, _result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
     """Write samples as CSV; see :func:`csv_text`."""
-    del result
     path.write_text(csv_text(series), encoding="utf-8")
     return ()
 
 
-def write_endpoints_csv(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
-    """Write end points as CSV; see :func:`endpoints_csv_text`.
-
-    Raises
-    ------
-    WriterError
-        No score was given.
-    """
-    del series
+def write_endpoints_csv(_series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
+    """Write end points as CSV, see :func:`endpoints_csv_text`; raises WriterError where no score was given."""
     if result is None:
         raise WriterError("end points need a score")
     path.write_text(endpoints_csv_text(result), encoding="utf-8")

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from analysis.formats.columns import QUATERNION, ColumnSpec, column_numbers, guess_names, samples_of
-from analysis.formats.errors import WriterError
 from analysis.formats.named_csv import WRITTEN_POSITION
 from analysis.formats.source import SourceFile, plain
 from analysis.formats.time_stamps import RawSamples
-from analysis.series import AnalysisError, OrientationSeries, ReaderError
+from analysis.series import AnalysisError, OrientationSeries, ReaderError, WriterError
 
 MAGIC = b"PAR1"
 
@@ -28,14 +27,7 @@ def _pyarrow(what: str, missing: type[AnalysisError]) -> tuple[Any, Any]:
 
 
 def read_parquet(source: SourceFile, spec: ColumnSpec | None) -> RawSamples:
-    """Read a parquet file.
-
-    Parameters
-    ----------
-    source : SourceFile
-        The file.
-    spec : ColumnSpec or None
-        What the columns mean; None to go by their names.
+    """Read a parquet file; without a ``spec``, by the names of its columns.
 
     Raises
     ------
@@ -76,12 +68,7 @@ def read_parquet(source: SourceFile, spec: ColumnSpec | None) -> RawSamples:
 
 
 def parquet_bytes(series: OrientationSeries) -> bytes:
-    """Return samples as parquet; the same samples give the same bytes.
-
-    Parameters
-    ----------
-    series : OrientationSeries
-        What to write; columns as in the CSV, int64 and float64.
+    """Return samples as parquet: columns as in the CSV, int64 and float64; the same samples give the same bytes.
 
     Raises
     ------
@@ -100,8 +87,7 @@ def parquet_bytes(series: OrientationSeries) -> bytes:
     return buffer.getvalue()
 
 
-def write_parquet(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
+def write_parquet(series: OrientationSeries, _result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
     """Write a parquet file; see :func:`parquet_bytes`."""
-    del result
     path.write_bytes(parquet_bytes(series))
     return ()

@@ -18,11 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.formats.errors import WriterError
-from analysis.formats.source import plain
+from analysis.formats.source import SourceFile, plain
 from analysis.formats.time_stamps import RawSamples
 from analysis.geometry import rotations
-from analysis.series import OrientationSeries, ReaderError
+from analysis.series import OrientationSeries, ReaderError, WriterError
 
 ROS1_MAGIC = b"#ROSBAG V2"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
@@ -63,25 +62,16 @@ def is_mcap(start: bytes) -> bool:
     return start.startswith(MCAP_MAGIC)
 
 
-def is_bag(path: Path, start: bytes) -> bool:
-    """Return whether a path is a bag or an MCAP file, by the folder's content or the file's first bytes."""
-    return is_mcap(start) or start.startswith((ROS1_MAGIC, SQLITE_MAGIC)) or (path / "metadata.yaml").is_file()
+def is_bag(source: SourceFile) -> bool:
+    """Return whether a source is a bag or an MCAP file, by the folder's content or the file's first bytes."""
+    by_start = source.head.startswith((MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC))
+    return by_start or (source.path / "metadata.yaml").is_file()
 
 
-def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
-    """Read the orientations of one topic.
+def read_ros_bag(source: SourceFile, topic: str | None) -> RawSamples:
+    """Read the orientations of one topic, which has to be named where several carry some.
 
-    Parameters
-    ----------
-    path : Path
-        Bag file, bag folder or MCAP file.
-    topic : str, optional
-        Which topic; needed where several carry orientations.
-
-    Returns
-    -------
-    RawSamples
-        Times are those of the message headers; where these are not set, those of reception, which the notes report.
+    Times are those of the message headers; where these are not set, those of reception, which the notes report.
 
     Raises
     ------
@@ -95,29 +85,29 @@ def read_ros_bag(path: Path, topic: str | None = None) -> RawSamples:
         raise ReaderError("ROS bags need rosbags: pip install 'rotdrift[ros]'") from error
     store = get_typestore(Stores.ROS2_HUMBLE)
     try:
-        with AnyReader([path], default_typestore=store) as reader:
-            name, kind = _choose({t: info.msgtype for t, info in reader.topics.items()}, topic, path)
+        with AnyReader([source.path], default_typestore=store) as reader:
+            name, kind = _choose({t: info.msgtype for t, info in reader.topics.items()}, topic, source.name)
             connections = [c for c in reader.connections if c.topic == name]
             messages = (
                 (stamp_ns, reader.deserialize(data, connection.msgtype))
                 for connection, stamp_ns, data in reader.messages(connections=connections)
             )
-            return _collect(messages, kind, path, f"{name} ({kind})")
+            return _collect(messages, kind, source.name, f"{name} ({kind})")
     except ReaderError:
         raise
     except AnyReaderError as error:
         what = plain(str(error), 160).rstrip(".")
-        raise ReaderError(f"{plain(path.name, 80)} cannot be read as a bag ({what}): {_REMEDY}") from error
+        raise ReaderError(f"{source.name} cannot be read as a bag ({what}): {_REMEDY}") from error
     except Exception as error:
         # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through.
         from_library = type(error).__module__.split(".")[0] in _LIBRARIES
         if from_library or isinstance(error, _DAMAGE):
             what = f" ({plain(str(error), 160)})" if from_library else ""  # Python's own text explains nothing
-            raise ReaderError(f"{plain(path.name, 80)} is damaged or cut off{what}: {_REMEDY}") from error
+            raise ReaderError(f"{source.name} is damaged or cut off{what}: {_REMEDY}") from error
         raise
 
 
-def _choose(topics: dict[str, str | None], topic: str | None, path: Path) -> tuple[str, str]:
+def _choose(topics: dict[str, str | None], topic: str | None, source: str) -> tuple[str, str]:
     usable = {name: kind for name, kind in topics.items() if kind in TYPES}
     listed = ", ".join(f"{plain(name)} ({kind})" for name, kind in sorted(usable.items())) or "none"
     if topic is not None:
@@ -125,16 +115,14 @@ def _choose(topics: dict[str, str | None], topic: str | None, path: Path) -> tup
             raise ReaderError(f"no orientations on topic '{plain(topic)}'; topics that have them: {listed}")
         return topic, str(usable[topic])
     if not usable:
-        raise ReaderError(
-            f"{plain(path.name, 80)} has no topic with orientations: record one of {', '.join(sorted(TYPES))}"
-        )
+        raise ReaderError(f"{source} has no topic with orientations: record one of {', '.join(sorted(TYPES))}")
     if len(usable) > 1:
         raise ReaderError(f"several topics have orientations; choose with --topic: {listed}")
     (name, kind), *_ = usable.items()
     return name, str(kind)
 
 
-def _collect(messages: Iterator[tuple[int, Any]], kind: str, path: Path, what: str) -> RawSamples:
+def _collect(messages: Iterator[tuple[int, Any]], kind: str, source: str, what: str) -> RawSamples:
     times, received, quats, positions, accelerations = [], [], [], [], []
     frames: set[tuple[str, str]] = set()
     orientation_of, position_of, acceleration_of = (attrgetter(field) if field else None for field in TYPES[kind])
@@ -157,7 +145,7 @@ def _collect(messages: Iterator[tuple[int, Any]], kind: str, path: Path, what: s
             accelerations.append(_parts(acceleration_of(message)))
         frames.add((str(message.header.frame_id), str(getattr(message, "child_frame_id", ""))))
     if not quats:
-        raise ReaderError(f"topic {plain(what, 80)} of {plain(path.name, 80)} has no messages")
+        raise ReaderError(f"topic {plain(what, 80)} of {source} has no messages")
     notes, warnings = [f"topic {plain(what, 120)}"], []
     times_s = np.array(times)
     if len(times) > 1 and len(np.unique(times_s)) < 2:
@@ -177,7 +165,7 @@ def _collect(messages: Iterator[tuple[int, Any]], kind: str, path: Path, what: s
     )
 
 
-def write_ros_bag(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
+def write_ros_bag(series: OrientationSeries, _result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
     """Write a ROS 2 bag; message times are the recording's own.
 
     Raises
@@ -185,7 +173,6 @@ def write_ros_bag(series: OrientationSeries, result: dict[str, Any] | None, path
     WriterError
         The extra is not installed, times are before 1970, or the name is that of a ROS 1 bag.
     """
-    del result
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore

@@ -1,4 +1,4 @@
-"""A file that is opened once for all who look at it: the host's readers, and every format here."""
+"""A file that is opened once for everything that reads it: the host's readers, and every format here."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, Self, TextIO
 
 HEAD_BYTES = 262_144
@@ -14,19 +13,7 @@ HEAD_BYTES = 262_144
 
 
 def plain(text: str, limit: int = 40) -> str:
-    """Return text from a file shortened, and without what could steer a terminal.
-
-    Parameters
-    ----------
-    text : str
-        Anything.
-    limit : int, optional
-        Characters kept.
-
-    Returns
-    -------
-    Printable text of at most ``limit`` + 1 characters.
-    """
+    """Return the first ``limit`` characters of text from a file, without what could steer a terminal."""
     kept = "".join(c if c.isprintable() else "?" for c in text[: limit + 1])
     return kept[:limit] + "…" if len(kept) > limit else kept
 
@@ -63,9 +50,7 @@ class SourceFile:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.file.close()
 
     def rewound(self) -> BinaryIO:

@@ -55,7 +55,7 @@ class TextTable:
         names the columns stays, as the first line."""
         if not self.lines:
             raise ReaderError(f"{source.name} is empty: record again, or give another file")
-        self.delimiter = delimiter_of(self.lines)
+        self.delimiter = _delimiter_of(self.lines[0])
         """Column separator of the first line."""
 
     @cached_property
@@ -94,7 +94,7 @@ def _without_comments(lines: list[str]) -> list[str]:
     rows = [line for line in lines if not line.startswith(COMMENT)]
     before = lines.index(rows[0]) if rows else 0
     if before:
-        delimiter = delimiter_of(rows)
+        delimiter = _delimiter_of(rows[0])
         cells = split_row(rows[0], delimiter)
         if is_numeric_row(cells) and len(split_header(lines[before - 1], delimiter)) == len(cells):
             return [lines[before - 1], *rows]
@@ -121,13 +121,6 @@ def read_table(source: SourceFile, layout: Layout) -> tuple[FloatArray, tuple[st
     A last line that has no line end and fewer columns than the first was being written when the recorder died: it is
     left out.
 
-    Parameters
-    ----------
-    source : SourceFile
-        The file.
-    layout : Layout
-        Where the numbers are.
-
     Returns
     -------
     rows
@@ -146,14 +139,11 @@ def read_table(source: SourceFile, layout: Layout) -> tuple[FloatArray, tuple[st
     try:
         table = rows.load()
     except (ValueError, IndexError) as error:
-        unnamed = ReaderError(f"{source.name} cannot be read as numbers: {plain(str(error), 200)}")
-        raise _first_fault(source, layout) or unnamed from error
+        raise _first_fault(source, layout, str(error)) from error
     if len(table) == 0:
         raise ReaderError(f"{source.name} has no data rows: record again, or give another file")
     if not np.isfinite(table).all():
-        fault = _first_fault(source, layout)
-        assert fault is not None
-        raise fault
+        raise _first_fault(source, layout, "a number is not finite")
     return table, ("the last line is cut off and left out",) if rows.cut else ()
 
 
@@ -205,8 +195,8 @@ def _is_data(line: str) -> bool:
     return bool(line.strip(_NOTHING)) and not line.lstrip().startswith(COMMENT)
 
 
-def _first_fault(source: SourceFile, layout: Layout) -> ReaderError | None:
-    """Find the first cell that is not a finite number; None where all are."""
+def _first_fault(source: SourceFile, layout: Layout, seen: str) -> ReaderError:
+    """Return an error that names the first cell that is not a finite number, or else what was ``seen``."""
     with source.text() as file:
         data = ((number, line) for number, line in enumerate(file, start=1) if _is_data(line))
         for number, line in islice(data, layout.header_lines, None):
@@ -225,7 +215,7 @@ def _first_fault(source: SourceFile, layout: Layout) -> ReaderError | None:
                     # A warning of a result may quote this sentence (T42), so its words are values.
                     remedy = "save the file with decimal points" if comma else "mend or remove that line"
                     return ReaderError(f"{where}: {what} in column {plain(name)}; {remedy}")
-    return None
+    return ReaderError(f"{source.name} cannot be read as numbers: {plain(seen, 200)}")
 
 
 def _bare(cell: str) -> str:
@@ -241,9 +231,9 @@ def _is_number(cell: str) -> bool:
         return False
 
 
-def delimiter_of(lines: Sequence[str]) -> str | None:
-    """Return the column separator of the first line: semicolon, tab or comma; None for white space."""
-    return next((mark for mark in (";", "\t", ",") if lines and mark in lines[0]), None)
+def _delimiter_of(line: str) -> str | None:
+    """Return the column separator of a line: semicolon, tab or comma; None for white space."""
+    return next((mark for mark in (";", "\t", ",") if mark in line), None)
 
 
 def split_row(line: str, delimiter: str | None) -> list[str]:
@@ -257,10 +247,7 @@ def split_row(line: str, delimiter: str | None) -> list[str]:
 def split_header(line: str, delimiter: str | None = ",") -> tuple[str, ...]:
     """Return the column names in a header line, perhaps a comment, without spaces and quotes around them.
 
-    Raises
-    ------
-    ReaderError
-        More than ``MAX_COLUMNS`` columns.
+    Raises ReaderError for more than ``MAX_COLUMNS`` columns.
     """
     names = tuple(_bare(name) for name in line.removeprefix(COMMENT).split(delimiter))
     if len(names) > MAX_COLUMNS:

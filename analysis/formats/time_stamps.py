@@ -7,11 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.series import NORM_TOLERANCE, BoolArray, FloatArray, IntArray, OrientationSeries, ReaderError, SetAside
+from analysis.series import (
+    GAP_FACTOR,
+    NORM_TOLERANCE,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    OrientationSeries,
+    ReaderError,
+    SetAside,
+)
 
 MAX_SET_ASIDE = 0.5
 """If more than this share of the rows has an impossible time, the time column is not one."""
-_GAP_FACTOR = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,22 +47,10 @@ class RawSamples:
 
 
 def to_series(raw: RawSamples, source: str, rate_hz: float | None = None) -> OrientationSeries:
-    """Make a series of raw samples.
+    """Make a series of raw samples; ``rate_hz`` is the sampling rate where the file has no time stamps.
 
-    Parameters
-    ----------
-    raw : RawSamples
-        What the reader found.
-    source : str
-        What it was read from, for people.
-    rate_hz : float, optional
-        Sampling rate; needed where the file has no time stamps, not allowed to contradict them.
-
-    Returns
-    -------
-    OrientationSeries
-        Rows with a repeated or backward time are set aside (the fewest that must go) and can still be named as end
-        points; notes report what was done.
+    Rows with a repeated or backward time are set aside (the fewest that must go) and can still be named as end points;
+    notes report what was done.
 
     Raises
     ------
@@ -98,7 +94,7 @@ def to_series(raw: RawSamples, source: str, rate_hz: float | None = None) -> Ori
         notes=tuple(notes),
         warnings=raw.warnings,
         times_measured=raw.times_s is not None,
-        set_aside=_set_aside(raw, times_s, rows, ~keep) if lost else None,
+        set_aside=_set_aside(raw.quats_wxyz[~keep], times_s[~keep], rows[~keep]) if lost else None,
     )
     return series.with_remarks(notes=_gap_notes(series))
 
@@ -148,24 +144,18 @@ def _longest_increasing(times_s: FloatArray) -> BoolArray:
     return keep
 
 
-def _set_aside(raw: RawSamples, times_s: FloatArray, rows: IntArray, out: BoolArray) -> SetAside:
-    norms = np.linalg.norm(raw.quats_wxyz[out], axis=1, keepdims=True)
-    return SetAside(
-        times_s=times_s[out],
-        quats_wxyz=raw.quats_wxyz[out] / norms,
-        index=rows[out],
-        positions_m=None if raw.positions_m is None else raw.positions_m[out],
-    )
+def _set_aside(quats_wxyz: FloatArray, times_s: FloatArray, rows: IntArray) -> SetAside:
+    return SetAside(times_s, quats_wxyz / np.linalg.norm(quats_wxyz, axis=1, keepdims=True), rows)
 
 
 def _gap_notes(series: OrientationSeries) -> tuple[str, ...]:
     """Return a note on where samples are missing."""
-    gaps_s = series.gaps(_GAP_FACTOR)
+    gaps_s = series.gaps()
     if not len(gaps_s):
         return ()
     lengths_s = gaps_s[:, 1] - gaps_s[:, 0]
     longest = int(np.argmax(lengths_s))
     return (
-        f"{len(gaps_s)} gaps longer than {_GAP_FACTOR:g} times the usual {series.interval_s * 1e3:.3g} ms, longest "
+        f"{len(gaps_s)} gaps longer than {GAP_FACTOR:g} times the usual {series.interval_s * 1e3:.3g} ms, longest "
         f"{lengths_s[longest]:.3g} s at {gaps_s[longest, 0] - series.times_s[0]:.3f} s after the first sample",
     )

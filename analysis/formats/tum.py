@@ -26,13 +26,7 @@ def is_tum(table: TextTable) -> bool:
 
 
 def read_tum(table: TextTable) -> RawSamples:
-    """Read a TUM trajectory.
-
-    Raises
-    ------
-    ReaderError
-        A cell that is not a number.
-    """
+    """Read a TUM trajectory; raises ReaderError for a cell that is not a number."""
     values, cut = read_table(table.source, Layout(None, 0, tuple(range(len(COLUMNS))), COLUMNS))
     return RawSamples(
         quats_wxyz=rotations.from_xyzw(values[:, 4:8]),
@@ -50,9 +44,8 @@ def known_positions(series: OrientationSeries) -> tuple[FloatArray, tuple[str, .
     return series.positions_m, ()
 
 
-def write_tum(series: OrientationSeries, result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
+def write_tum(series: OrientationSeries, _result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:
     """Write a TUM trajectory; positions that are not known are written as zeros, which the notes report."""
-    del result
     positions, notes = known_positions(series)
     table = np.column_stack((series.times_s, positions, rotations.to_xyzw(series.quats_wxyz)))
     with path.open("x", encoding="utf-8") as file:

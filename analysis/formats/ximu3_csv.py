@@ -30,10 +30,7 @@ def is_ximu3(table: TextTable) -> bool:
 def read_ximu3(table: TextTable) -> RawSamples:
     """Read an x-IMU3 quaternion file, and the accelerometer file beside it where there is one.
 
-    Raises
-    ------
-    ReaderError
-        Another message file than the quaternion's, or a cell that is not a number.
+    Raises ReaderError for another message file than the quaternion's, or a cell that is not a number.
     """
     source = table.source
     if split_header(table.lines[0]) != QUATERNION_HEADER:

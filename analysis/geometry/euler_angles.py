@@ -8,10 +8,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from analysis.geometry.rotations import IDENTITY, FloatArray, multiply
+from analysis.geometry.rotations import FloatArray, multiply
 
 _AXES = {"x": 1, "y": 2, "z": 3}
 _POLE = 1e-8  # cosine of an elevation too near to ±π/2 for azimuth and roll to be told apart
+
+
+def is_order(axes: str) -> bool:
+    """Return whether letters are an order of Euler angles: three of x, y, z, neighbours different."""
+    return len(axes) == 3 and set(axes) <= set("xyz") and axes[0] != axes[1] != axes[2]
 
 
 def from_euler(angles_rad: npt.ArrayLike, order: str, *, intrinsic: bool) -> FloatArray:
@@ -22,7 +27,7 @@ def from_euler(angles_rad: npt.ArrayLike, order: str, *, intrinsic: bool) -> Flo
     angles_rad : array_like
         (..., 3) rad, in the order of ``order``.
     order : str
-        Three of x, y, z, e.g. ``"zyx"``; neighbours differ.
+        E.g. ``"zyx"``; see :func:`is_order`.
     intrinsic : bool
         True: about the axes of the turning body (written Z-Y'-X''); false: about the fixed axes.
 
@@ -35,14 +40,12 @@ def from_euler(angles_rad: npt.ArrayLike, order: str, *, intrinsic: bool) -> Flo
     ValueError
         An order that is not one.
     """
-    axes = order.lower()
-    if len(axes) != 3 or not set(axes) <= set("xyz") or axes[0] == axes[1] or axes[1] == axes[2]:
+    if not is_order(order):
         raise ValueError(f"Euler order {order!r} is not three axes like 'xyz' or 'zxz'")
-    angles = np.asarray(angles_rad, dtype=np.float64)
-    half = 0.5 * angles
-    result = IDENTITY
-    for position, axis in enumerate(axes):
-        turn = np.zeros((*angles.shape[:-1], 4))
+    half = 0.5 * np.asarray(angles_rad, dtype=np.float64)
+    result = np.array([1.0, 0.0, 0.0, 0.0])
+    for position, axis in enumerate(order):
+        turn = np.zeros((*half.shape[:-1], 4))
         turn[..., 0] = np.cos(half[..., position])
         turn[..., _AXES[axis]] = np.sin(half[..., position])
         result = multiply(result, turn) if intrinsic else multiply(turn, result)
@@ -59,8 +62,8 @@ def to_euler_zyx(q: npt.ArrayLike) -> FloatArray:
 
     Returns
     -------
-    (..., 3) rad; azimuth and roll in (−π, π], elevation in [−π/2, π/2]. At ±π/2, where
-    only azimuth ∓ roll is defined, roll is 0.
+    (..., 3) rad; azimuth and roll in (−π, π], elevation in [−π/2, π/2]. At ±π/2, where only azimuth ∓ roll
+    is defined, roll is 0.
     """
     w, x, y, z = np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0)
     across, along = 2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)

@@ -23,23 +23,16 @@ _COLUMN_BLOCK = 16384  # where scratch is one column only
 _SIGN_BITS = np.tile(np.array([0, 1, 1, 1], dtype=np.uint64) << np.uint64(63), _BLOCK)
 _SMALL = 1e-8  # below this |v|, the first term of the series is exact in double precision
 
-IDENTITY: FloatArray = np.array([1.0, 0.0, 0.0, 0.0])
-"""(4,) the rotation that changes nothing."""
-IDENTITY.flags.writeable = False
-
 
 def checked_quats(q: npt.ArrayLike) -> FloatArray:
     """Return quaternions as float64 (..., 4); raises ValueError for another last axis."""
-    array = np.asarray(q, dtype=np.float64)
-    if array.ndim == 0 or array.shape[-1] != 4:
-        raise ValueError(f"quaternions need a last axis of 4, got shape {array.shape}")
-    return array
+    return _checked(q, "quaternions", 4)
 
 
-def _vectors(v: npt.ArrayLike) -> FloatArray:
-    array = np.asarray(v, dtype=np.float64)
-    if array.ndim == 0 or array.shape[-1] != 3:
-        raise ValueError(f"vectors need a last axis of 3, got shape {array.shape}")
+def _checked(values: npt.ArrayLike, what: str, width: int) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim == 0 or array.shape[-1] != width:
+        raise ValueError(f"{what} need a last axis of {width}, got shape {array.shape}")
     return array
 
 
@@ -69,19 +62,14 @@ def multiply(p: npt.ArrayLike, q: npt.ArrayLike) -> FloatArray:
     left, right = checked_quats(p), checked_quats(q)
     shape = np.broadcast_shapes(left.shape, right.shape)
     # q = (w + x i) + (y + z i) j, so four complex products do the work of sixteen real ones.
-    a, b = _complex_pair(_flat(left, shape))
-    c, d = _complex_pair(_flat(right, shape))
+    a, b = _flat(left, shape).view(np.complex128).T
+    c, d = _flat(right, shape).view(np.complex128).T
     out = np.empty(shape)
     flat = out.reshape(-1, 4).view(np.complex128)
     for rows in _blocks(len(flat)):
         flat[rows, 0] = a[rows] * c[rows] - b[rows] * d[rows].conj()
         flat[rows, 1] = a[rows] * d[rows] + b[rows] * c[rows].conj()
     return out
-
-
-def _complex_pair(rows: FloatArray) -> tuple[npt.NDArray[np.complex128], npt.NDArray[np.complex128]]:
-    pair = rows.view(np.complex128)
-    return pair[:, 0], pair[:, 1]
 
 
 def conjugate(q: npt.ArrayLike) -> FloatArray:
@@ -187,7 +175,7 @@ def exp(rotvec: npt.ArrayLike) -> FloatArray:
     -------
     (..., 4) unit, scalar first.
     """
-    vectors = _vectors(rotvec)
+    vectors = _checked(rotvec, "vectors", 3)
     rows = np.ascontiguousarray(vectors).reshape(-1, 3)
     out = np.empty((len(rows), 4))
     for part in _blocks(len(rows)):
@@ -216,7 +204,7 @@ def rotate(q: npt.ArrayLike, vector: npt.ArrayLike) -> FloatArray:
     -------
     (..., 3) in the unit of ``vector``.
     """
-    quats, vectors = checked_quats(q), _vectors(vector)
+    quats, vectors = checked_quats(q), _checked(vector, "vectors", 3)
     w, v = quats[..., :1], quats[..., 1:]
     twice = 2.0 * np.cross(v, vectors)
     return np.asarray(vectors + w * twice + np.cross(v, twice), dtype=np.float64)

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         FILE cannot be read, or OUT cannot be written or exists.
     """
     from analysis.formats import FORMATS, write_series
-    from analysis.formats.errors import WriterError
+    from analysis.series import WriterError
     from host.errors import UsageError, already_there, unwritable
     from host.results.any_file import ReadOptions, read_recording, score_recording
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from analysis.formats import SourceFile, is_mcap, read_series
-from analysis.scoring.choice import EndpointChoice
 from analysis.scoring.result import Result
 from analysis.series import AnalysisError, OrientationSeries, SeriesError
 from firmware_protocol.packets import Info
@@ -105,7 +104,8 @@ def score_recording(
     series, trial = read_recording(path, reading)
     options = options or ScoreOptions()
     if options.endpoints is not None:
-        options = replace(options, endpoints=_without_path(options.endpoints))
+        name = Path(options.endpoints.source).name
+        options = replace(options, endpoints=replace(options.endpoints, source=name))
     if window is not None:
         options = replace(options, window=resolve_window(window, trial))
     try:
@@ -115,7 +115,3 @@ def score_recording(
     except AnalysisError as error:
         raise FileError(f"{path.name}: {error}") from error
     return ScoredRecording(series, result, None if trial is None else trial.info)
-
-
-def _without_path(choice: EndpointChoice) -> EndpointChoice:
-    return replace(choice, source=Path(choice.source).name)

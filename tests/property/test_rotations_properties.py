@@ -35,7 +35,7 @@ def test_multiplication_is_associative_and_keeps_the_norm(p, q, r):
 @given(unit_quaternions())
 def test_conjugate_undoes(p):
     np.testing.assert_allclose(
-        rotations.multiply(p, rotations.conjugate(p)), np.tile(rotations.IDENTITY, (len(p), 1)), atol=1e-15
+        rotations.multiply(p, rotations.conjugate(p)), np.tile([1.0, 0.0, 0.0, 0.0], (len(p), 1)), atol=1e-15
     )
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from analysis.formats import FORMATS, read_series, write_series
-from analysis.formats.errors import WriterError
 from analysis.formats.named_csv import csv_text, endpoints_csv_text
 from analysis.formats.parquet import parquet_bytes
+from analysis.series import WriterError
 from tests.scored_trials import scored
 from tests.waiting import HANG_S
 
