@@ -64,22 +64,17 @@ class ClockUnwrapper:
     """
 
     def __init__(self) -> None:
-        self._has_reference = False
+        self.newest_us: int | None = None
+        """Newest unwrapped device time of this segment, us; None before its first sample."""
         self._start_ns = 0  # host time of the chunk with which settling began
         self._chunks = 0  # since then
         self._last_ns = 0  # host time of the previous chunk
-        self._newest_us = 0  # newest unwrapped reading
         self._delay_us = 0.0  # (host - device) of the reference, the least up to the skew allowed since
         self._reference_ns = 0  # its host time
 
-    @property
-    def newest_us(self) -> int | None:
-        """Newest unwrapped device time of this segment, us; None before its first sample."""
-        return self._newest_us if self._has_reference else None
-
     def new_segment(self) -> None:
         """Forget the reference: the next sample is not compared with those before it."""
-        self._has_reference = False
+        self.newest_us = None
 
     def unwrap(self, device_time_us: npt.ArrayLike, host_time_ns: int) -> IntArray:
         """Unwrap the samples of one chunk, up to the first that nothing explains.
@@ -109,12 +104,11 @@ class ClockUnwrapper:
             raise ValueError(f"device_time_us must be one-dimensional, not {ticks.shape}")
         if not len(ticks):
             return ticks
-        if not self._has_reference:
-            self._has_reference = True
+        if self.newest_us is None:
             self._start_ns = self._last_ns = self._reference_ns = host_time_ns
             self._chunks = 0
-            self._newest_us = int(ticks[0])
-            self._delay_us = 1e-3 * host_time_ns - self._newest_us
+            self.newest_us = int(ticks[0])
+            self._delay_us = 1e-3 * host_time_ns - self.newest_us
         # What a stalled link kept comes late, as at the start: it settles again.
         stalled = host_time_ns - self._last_ns > 1e9 * MAX_LATENCY_S
         start_ns, chunks = (host_time_ns, 0) if stalled else (self._start_ns, self._chunks)
@@ -123,14 +117,14 @@ class ClockUnwrapper:
         top_us = prediction_us + ahead_us
         unwrapped = top_us - (top_us - ticks) % DEVICE_CLOCK_MODULUS_US
         # It may be late, but neither by more than a link can keep, nor far before what came already.
-        newest_us = np.maximum.accumulate(np.maximum(unwrapped, self._newest_us))
+        newest_us = np.maximum.accumulate(np.maximum(unwrapped, self.newest_us))
         earliest_us = np.maximum(newest_us - int(1e6 * MAX_REORDER_S), prediction_us - late_us)
         explained = unwrapped >= earliest_us
         n = len(ticks) if explained.all() else int(np.argmin(explained))
         if not n:
             return ticks[:0]
-        self._newest_us = int(newest_us[n - 1])
-        delay_us = 1e-3 * host_time_ns - self._newest_us
+        self.newest_us = int(newest_us[n - 1])
+        delay_us = 1e-3 * host_time_ns - self.newest_us
         skew_us = MAX_SKEW_PPM * 1e-9 * max(0, host_time_ns - self._reference_ns)
         # The least delay predicts best, but it ages as the clocks drift apart: a chunk nearly as fast renews it.
         if delay_us <= self._delay_us + skew_us:
@@ -140,12 +134,7 @@ class ClockUnwrapper:
         return unwrapped[:n]
 
     def jump(self, device_time_us: int, host_time_ns: int) -> tuple[int, int]:
-        """Measure a reading that nothing explains, without taking it into account.
-
-        Parameters
-        ----------
-        device_time_us, host_time_ns : int
-            As for :meth:`locate`.
+        """Measure a reading (as of :meth:`locate`) that nothing explains, without taking it into account.
 
         Returns
         -------
@@ -178,18 +167,18 @@ class ClockUnwrapper:
             starts a segment.
         """
         waits_ns = changes(host_time_ns, self._last_ns)
-        if not self._has_reference or waits_ns.min() < 0 or waits_ns.max() > 1e9 * MAX_LATENCY_S:
+        if self.newest_us is None or waits_ns.min() < 0 or waits_ns.max() > 1e9 * MAX_LATENCY_S:
             return None
         ticks = device_time_us.astype(np.int64)
         half = DEVICE_CLOCK_MODULUS_US // 2
-        unwrapped = changes(ticks, self._newest_us)
+        unwrapped = changes(ticks, self.newest_us)
         np.add(unwrapped, half, out=unwrapped)
         np.bitwise_and(unwrapped, DEVICE_CLOCK_MODULUS_US - 1, out=unwrapped)  # the modulus is a power of two
         np.subtract(unwrapped, half, out=unwrapped)
-        unwrapped[0] += self._newest_us
+        unwrapped[0] += self.newest_us
         np.cumsum(unwrapped, out=unwrapped)
-        forward = unwrapped[0] >= self._newest_us and bool((unwrapped[1:] >= unwrapped[:-1]).all())
-        newest_us = unwrapped if forward else np.maximum(np.maximum.accumulate(unwrapped), self._newest_us)
+        forward = unwrapped[0] >= self.newest_us and bool((unwrapped[1:] >= unwrapped[:-1]).all())
+        newest_us = unwrapped if forward else np.maximum(np.maximum.accumulate(unwrapped), self.newest_us)
         # The prediction is off by no more than the delays differ. Half of what is explained leaves room for rounding.
         delay_us = 1e-3 * host_time_ns - unwrapped
         spread_us = max(float(delay_us.max()), self._delay_us) - min(float(delay_us.min()), self._delay_us)
@@ -205,28 +194,18 @@ class ClockUnwrapper:
         best = len(level_us) - 1 - int(np.argmin(level_us[::-1]))
         if level_us[best] <= self._delay_us:
             self._delay_us, self._reference_ns = float(delay_us[best]), int(host_ns[best])
-        self._newest_us = int(newest_us[-1])
+        self.newest_us = int(newest_us[-1])
         self._last_ns = int(host_ns[-1])
         self._chunks += len(lasts)
         return unwrapped
 
     def locate(self, device_time_us: int, host_time_ns: int) -> int | None:
-        """Unwrap one reading (EVENT, STATUS, TIME_REPLY) without taking it into account.
+        """Unwrap one reading (EVENT, STATUS, TIME_REPLY), us, without taking it into account.
 
-        Parameters
-        ----------
-        device_time_us : int
-            Device clock, us; of a u64 uptime the low 32 bits are used.
-        host_time_ns : int
-            Its reception, ns, monotonic.
-
-        Returns
-        -------
-        int or None
-            Unwrapped device time in the present segment, us; None if no sample of this segment has come, or if the
-            reading does not belong to it.
+        Of a u64 uptime the low 32 bits are used. None if no sample of the present segment has come, or if the reading
+        does not belong to it; ``host_time_ns`` is its reception, monotonic.
         """
-        if not self._has_reference:
+        if self.newest_us is None:
             return None
         prediction_us, ahead_us, late_us = self._window(host_time_ns, self._start_ns, self._chunks)
         top_us = prediction_us + ahead_us
@@ -234,17 +213,10 @@ class ClockUnwrapper:
         return unwrapped_us if unwrapped_us >= prediction_us - late_us else None
 
     def is_plain(self, device_time_us: int, host_time_ns: int) -> bool:
-        """Return whether :meth:`locate` places a reading now, and still does after any :meth:`unwrap_many`.
-
-        Parameters
-        ----------
-        device_time_us, host_time_ns : int
-            As for :meth:`locate`.
-        """
+        """Return whether :meth:`locate` places a reading now, and still does after any :meth:`unwrap_many`."""
         away_us, _ = self.jump(device_time_us, host_time_ns)
         # What unwrap_many unwraps moves the prediction by no more than half of what is explained.
-        bound_us = 0.25e6 * min(MAX_AHEAD_S, MAX_LATENCY_S)
-        return self._has_reference and abs(away_us) <= bound_us
+        return self.newest_us is not None and abs(away_us) <= 0.25e6 * min(MAX_AHEAD_S, MAX_LATENCY_S)
 
     def _window(self, host_time_ns: int, start_ns: int, chunks: int) -> tuple[int, int, int]:
         """Return the prediction, and how far ahead of it and behind it a reading is explained, all us."""

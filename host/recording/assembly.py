@@ -18,7 +18,6 @@ import numpy.typing as npt
 from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import Event, OrientationBatch, Status, TimeReply
 from host.links.transport import AnyChunk, FrameChunk, joined
-from host.losses.ledger import LossLedger
 from host.recording.arrivals import RecordedRoundTrips, SampleArrivals
 from host.recording.bulk.raw_stretch import RawStretch
 from host.stream.decoding import Link, grouped
@@ -79,7 +78,7 @@ class TrialAssembly:
         share: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self.link = Link(node=node)
-        self.assembler = SampleAssembler(LossLedger(MAX_RUNS))
+        self.assembler = SampleAssembler(MAX_RUNS)
         self.arrivals = SampleArrivals(self.assembler)
         self.trips = trips or RecordedRoundTrips()
         self.samples = SampleGatherer(share)

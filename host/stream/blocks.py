@@ -15,10 +15,6 @@ FloatArray = npt.NDArray[np.float64]
 class SampleBlock:
     """n samples of one segment in wire order; none of them was here before."""
 
-    segment: int
-    """0, and one more after each reset of the device or step of its clock."""
-    sequence: IntArray
-    """(n,) unwrapped number within the segment."""
     index: IntArray
     """(n,) number within the whole capture: segments follow each other."""
     time_s: FloatArray
@@ -31,13 +27,11 @@ class SampleBlock:
     """Reception of the chunk, monotonic."""
 
     def __len__(self) -> int:
-        return len(self.sequence)
+        return len(self.index)
 
     def chosen(self, keep: npt.NDArray[np.bool_]) -> SampleBlock:
         """Return some of the samples: those where ``keep`` (n,) is True."""
         return SampleBlock(
-            segment=self.segment,
-            sequence=self.sequence[keep],
             index=self.index[keep],
             time_s=self.time_s[keep],
             quats_wxyz=self.quats_wxyz[keep],

@@ -50,21 +50,16 @@ class CommandQueue:
 
     def acknowledged(self, ack: Ack) -> Command | None:
         """Return the command that an acknowledgement is of; None where nothing waits for it."""
-        waiting = self._in_flight
-        if waiting is None or ack.command_id != waiting.command.command_id:
-            return None
-        if ack.command_type != waiting.command.packet_type:
+        command = None if self._in_flight is None else self._in_flight.command
+        if command is None or (ack.command_id, ack.command_type) != (command.command_id, command.packet_type):
             return None
         self._in_flight = None
-        return waiting.command
+        return command
 
     def advance(self, now_ns: int, answer_s: float, tries: int) -> Command | None:
         """Send the next step, or the one in flight again when its answer is overdue.
 
-        Returns
-        -------
-        Command or None
-            One that was sent ``tries`` times in vain, and is given up; mostly None.
+        Return the command that was sent ``tries`` times in vain, and is given up; mostly None.
         """
         waiting = self._in_flight
         if waiting is None:

@@ -20,9 +20,8 @@ class DamagePlaces:
 
     def __init__(self) -> None:
         self.n_came = 0
-        """Samples that came."""
         self.n_placed = 0
-        """Of these, samples that are not held back any more."""
+        """Of those that came, samples that are not held back any more."""
         self._damaged: deque[int] = deque()  # after how many samples that came
 
     def add(self, places: Iterable[int]) -> None:
@@ -34,13 +33,7 @@ class DamagePlaces:
         self.n_placed = self.n_came
 
     def place(self, n: int) -> IntArray | None:
-        """Place the next n samples.
-
-        Returns
-        -------
-        (n,) int64 or None
-            Damaged frames just before each; None where there is none.
-        """
+        """Place the next n samples; return how many damaged frames (n,) came just before each, None for none."""
         first, self.n_placed = self.n_placed, self.n_placed + n
         if not self._damaged or self._damaged[0] >= self.n_placed:
             return None

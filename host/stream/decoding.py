@@ -3,51 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from firmware_protocol.items import StreamCounters, StreamItem
 from firmware_protocol.serial.decoder import LocatedPackets, StreamDecoder
 from host.links.transport import AnyChunk, FrameChunk
 
+if TYPE_CHECKING:
+    from firmware_protocol.can.decoder import CanStreamDecoder
+
 COALESCED_BYTES = 65536
 COALESCED_NS = 250_000_000
 
 
-class PacketDecoder(Protocol):
-    """What turns the data of chunks into packets: one kind for bytes, one for CAN frames."""
-
-    def feed(self, data: bytes) -> list[StreamItem]:
-        """Return what the data of one chunk completes, in wire order. Never raises on what came in."""
-
-    @property
-    def counters(self) -> StreamCounters:
-        """Snapshot of what was met so far."""
-
-    def take_damage(self) -> list[int]:
-        """Return after how many samples, of all delivered, damaged frames came since the last call; ascending."""
-
-    def flush(self) -> list[StreamItem]:
-        """Return what is still held: nothing follows."""
-
-    def restart(self) -> None:
-        """Start again after the link was cut; the counters go on."""
-
-
 class Link:
-    """Decodes the chunks of one object's link.
+    """Decodes the chunks of one object's link; the first shows whether they are of bytes or of CAN frames.
 
     Parameters
     ----------
-    decoder : PacketDecoder, optional
-        By default the one for the first chunk's kind.
     node : int or None
         Node id of the object on a CAN bus; None takes the first that is heard.
     """
 
-    def __init__(self, decoder: PacketDecoder | None = None, node: int | None = None) -> None:
-        self._decoder: PacketDecoder = decoder or StreamDecoder()
+    def __init__(self, node: int | None = None) -> None:
+        self._decoder: StreamDecoder | CanStreamDecoder = StreamDecoder()
         self._node = node
-        self._undecided = decoder is None  # no chunk has shown yet which kind of link it is
+        self._undecided = True  # no chunk has shown yet which kind of link it is
         self.n_bytes = 0
         """Bytes received."""
 
@@ -75,8 +56,12 @@ class Link:
             held = self.flush()
             self._decoder.restart()
             return held
-        if self._undecided:
-            self._decoder, self._undecided = decoder_for(chunk, self._node), False
+        if self._undecided and isinstance(chunk, FrameChunk):
+            # Its import takes a while, and a serial capture has no use for it.
+            from firmware_protocol.can.decoder import CanStreamDecoder
+
+            self._decoder = CanStreamDecoder(self._node)
+        self._undecided = False
         self.n_bytes += len(chunk.data)
         return self._decoder.feed(chunk.data)
 
@@ -106,33 +91,14 @@ class Link:
         return self._decoder.flush()
 
 
-def decoder_for(chunk: AnyChunk, node: int | None = None) -> PacketDecoder:
-    """Make the decoder for a chunk's kind; ``node`` is the node id on a CAN bus, None for the first that is heard."""
-    if isinstance(chunk, FrameChunk):
-        # Its import takes a while, and a serial capture has no use for it.
-        from firmware_protocol.can.decoder import CanStreamDecoder
-
-        return CanStreamDecoder(node)
-    return StreamDecoder()
-
-
 def grouped(
     chunks: Iterable[AnyChunk], max_bytes: int = COALESCED_BYTES, max_span_ns: int = COALESCED_NS
 ) -> Iterator[list[AnyChunk]]:
-    """Put neighbouring chunks together that may be joined.
+    """Put neighbouring chunks together that may be joined, up to so many bytes and over so much time.
 
     A chunk of one sample costs as much as one of a hundred. Empty chunks stay by themselves. The packets do not depend
     on how the bytes are cut; the time of reception becomes that of the last chunk joined, which only a clock estimate
     would notice.
-
-    Parameters
-    ----------
-    chunks : iterable of AnyChunk
-        In order.
-    max_bytes : int
-        Longest result, unless a single chunk is longer.
-    max_span_ns : int
-        Longest time between the first and the last chunk joined.
     """
     kept: list[AnyChunk] = []
     size = 0

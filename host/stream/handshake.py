@@ -17,21 +17,7 @@ class Found(enum.Enum):
 
 
 class Handshake:
-    """Waits for an object on a link.
-
-    Parameters
-    ----------
-    link_name : str
-        For error messages.
-    now_ns : int
-        Monotonic time at the start.
-    limit_s : float
-        How long an object may take to send anything.
-    answer_s : float
-        How long an answer may take before it is asked again.
-    mute_s : float
-        An object that streams but did not answer for so long is taken as one that never answers.
-    """
+    """Waits for an object on a link; the times are those of :class:`host.stream.session.SessionSettings`."""
 
     def __init__(self, link_name: str, now_ns: int, limit_s: float, answer_s: float, mute_s: float) -> None:
         self._link_name = link_name

@@ -15,10 +15,8 @@ from collections import deque
 from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import Info, OrientationBatch
 
-HELD_NS = 3_000_000_000
-"""How long samples are held back until a reopened link's object reports who it is; later they count as its own."""
-MAX_HELD = 10_000
-"""And how many at most."""
+HELD_NS, MAX_HELD = 3_000_000_000, 10_000
+"""How long, and how many, samples are held back until a reopened link's object reports who it is; then they count."""
 DOUBT_NS = 300_000_000
 """How long samples are held back at least after a jump of the clock that nothing explains: a second object on the same
 line, if there is one, has reported by then who it is."""

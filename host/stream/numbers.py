@@ -28,21 +28,11 @@ class SequenceUnwrapper:
     def __init__(self) -> None:
         self._last: int | None = None
         self._last_us = 0
-        self._period_us: float | None = None
-
-    @property
-    def period_us(self) -> float | None:
+        self.period_us: float | None = None
         """Sample period as measured, us of the device clock; None before two neighbours came."""
-        return self._period_us
 
     def restart(self, start: int | None = None) -> None:
-        """Forget the last sample: the device was reset.
-
-        Parameters
-        ----------
-        start : int, optional
-            Number of the next sample produced, as a STATUS reported; the next number is read nearest to it.
-        """
+        """Forget the last sample: the device was reset. If a STATUS reported the next number, it is ``start``."""
         self._last = None if start is None else start - 1
         self._last_us = -1
 
@@ -73,12 +63,12 @@ class SequenceUnwrapper:
             self._last, self._last_us = int(numbers[0]) - 1, -1
         change = np.diff(numbers, prepend=self._last)
         change = (change + HALF) % SEQUENCE_MODULUS - HALF
-        if self._period_us is not None and self._last_us >= 0:
+        if self.period_us is not None and self._last_us >= 0:
             elapsed_us = np.diff(device_time_us, prepend=self._last_us)
             # Only a pause that could hold half a wrap is in doubt; the arithmetic is skipped for all others.
-            if elapsed_us.max() > HALF // 2 * self._period_us:
-                wraps = np.rint((elapsed_us / self._period_us - change) / SEQUENCE_MODULUS).astype(np.int64)
-                change += np.where(elapsed_us > HALF // 2 * self._period_us, wraps, 0) * SEQUENCE_MODULUS
+            if elapsed_us.max() > HALF // 2 * self.period_us:
+                wraps = np.rint((elapsed_us / self.period_us - change) / SEQUENCE_MODULUS).astype(np.int64)
+                change += np.where(elapsed_us > HALF // 2 * self.period_us, wraps, 0) * SEQUENCE_MODULUS
         unwrapped: IntArray = self._last + np.cumsum(change)
         self._measure(unwrapped, device_time_us)
         newest = int(np.argmax(unwrapped))
@@ -88,11 +78,11 @@ class SequenceUnwrapper:
 
     def _undisturbed_run(self, sequence: npt.NDArray[np.uint16], device_time_us: IntArray) -> IntArray | None:
         """Count on where every sample follows the one before, as nearly always, without the cost of arrays."""
-        if self._last is None or self._period_us is None or self._last_us < 0:
+        if self._last is None or self.period_us is None or self._last_us < 0:
             return None
         n = len(sequence)
         elapsed_us = int(device_time_us[-1]) - self._last_us
-        if not 0 < elapsed_us < HALF // 2 * self._period_us:
+        if not 0 < elapsed_us < HALF // 2 * self.period_us:
             return None
         wanted = self._last + 1
         if n > FEW:
@@ -107,7 +97,7 @@ class SequenceUnwrapper:
                 wanted += 1
             run = np.arange(self._last + 1, wanted, dtype=np.int64)
         self._last, self._last_us = wanted - 1, int(device_time_us[-1])
-        self._period_us += (elapsed_us / n - self._period_us) / MAX_PERIOD_SAMPLES
+        self.period_us += (elapsed_us / n - self.period_us) / MAX_PERIOD_SAMPLES
         return run
 
     def _measure(self, unwrapped: IntArray, device_time_us: IntArray) -> None:
@@ -116,7 +106,5 @@ class SequenceUnwrapper:
         if self._last is not None and self._last_us >= 0 and len(numbers) == len(unwrapped):
             numbers, times_us = np.append(self._last, numbers), np.append(self._last_us, times_us)
         between_us = np.diff(times_us)[np.diff(numbers) == 1]
-        if len(between_us):
-            period_us = float(np.median(between_us))
-            if period_us > 0:
-                self._period_us = period_us
+        if len(between_us) and np.median(between_us) > 0:
+            self.period_us = float(np.median(between_us))

@@ -9,30 +9,16 @@ from firmware_protocol.packets import TimeReply
 
 @dataclass(frozen=True, slots=True)
 class RoundTrip:
-    """One TIME_REQUEST and its answer."""
+    """One TIME_REQUEST and its answer, as a row of :class:`host.clock.interval.RoundTrips`; device times are u64."""
 
     sent_ns: int
-    """Host monotonic time just before the request was written."""
     receive_us: int
-    """Device clock at its reception, u64."""
     transmit_us: int
-    """Device clock when the reply left, u64."""
     received_ns: int
-    """Host monotonic time of the chunk with the reply."""
 
 
 class ClockRequests:
-    """The request in flight, and the answers since they were last taken.
-
-    There is one request at a time: a late answer is worth nothing.
-
-    Parameters
-    ----------
-    period_s : float
-        Between two requests.
-    now_ns : int
-        Monotonic time at the start.
-    """
+    """The request in flight, one at a time (a late answer is worth nothing), and the answers since the last take."""
 
     def __init__(self, period_s: float, now_ns: int) -> None:
         self._period_ns = period_s * 1e9

@@ -26,9 +26,9 @@ import numpy.typing as npt
 from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US, SEQUENCE_MODULUS, Event, Info, OrientationBatch, Status
 from host.clock.unwrap import ClockUnwrapper, changes
-from host.losses.ledger import LossLedger, LossReport
+from host.losses.ledger import MAX_RUNS_KEPT, LossLedger, LossReport
 from host.losses.runs import MissingRun
-from host.stream.blocks import RESET, RESTARTED, STEPPED, SampleBlock, SegmentStart, UnwrappedSamples
+from host.stream.blocks import RESET, RESTARTED, STEPPED, SampleBlock, UnwrappedSamples
 from host.stream.damage import DamagePlaces
 from host.stream.held_samples import HeldSamples, Meeting
 from host.stream.numbers import SequenceUnwrapper
@@ -45,35 +45,32 @@ CONTINUES_SAMPLES = 64.0
 
 @dataclass(frozen=True, slots=True)
 class TimedStatus:
-    """A STATUS among samples."""
+    """A STATUS among samples: before which of them it came, and when its chunk was received."""
 
     position: int
-    """Before which of them it came."""
     status: Status
     host_time_ns: int
-    """Reception of its chunk, monotonic."""
 
 
 class SampleAssembler:
     """Orders packets of one object into samples: unwraps time and number, drops repeated ones, keeps the ledger.
 
-    Parameters
-    ----------
-    ledger : LossLedger, optional
-        New; one that keeps more runs of missing samples than usual.
+    Of missing samples it remembers ``max_runs`` runs one by one.
     """
 
-    def __init__(self, ledger: LossLedger | None = None) -> None:
-        self.ledger = ledger or LossLedger()
+    def __init__(self, max_runs: int = MAX_RUNS_KEPT) -> None:
         self.status: Status | None = None
         """Its last STATUS."""
         self.on_segment: list[Callable[[str], object]] = []
         """Called with the reason where it is decided that a new segment starts with the next sample."""
         self.on_samples: list[Callable[[UnwrappedSamples], object]] = []
         """Called with all samples that are placed, in order."""
+        self._ledger = LossLedger(max_runs)
         self._clock = ClockUnwrapper()
         self._numbers = SequenceUnwrapper()
         self._axis = TimeAxis()
+        self.segments = self._axis.segments
+        """Where each segment starts."""
         self._held = HeldSamples()
         self._damage = DamagePlaces()
         self._newest: tuple[int, int] | None = None  # number and device time of the last sample, as on the wire
@@ -84,16 +81,6 @@ class SampleAssembler:
     def info(self) -> Info | None:
         """The object as it last introduced itself."""
         return self._held.info
-
-    @property
-    def segments(self) -> list[SegmentStart]:
-        """Where each segment starts."""
-        return self._axis.segments
-
-    @property
-    def foreign(self) -> bool:
-        """Whether another object answers now, or two at once; samples are left out then."""
-        return self._held.foreign
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -114,14 +101,9 @@ class SampleAssembler:
         self._held.reopened()
 
     def feed(self, items: Iterable[StreamItem], host_time_ns: int) -> list[SampleBlock]:
-        """Process the packets of one chunk in wire order; return the new samples.
+        """Process the packets of one chunk in wire order, received at ``host_time_ns``; return the new samples.
 
-        Parameters
-        ----------
-        items : iterable of StreamItem
-            As the link decoded them; of packets that are no samples, INFO and STATUS count.
-        host_time_ns : int
-            Reception of the chunk, monotonic.
+        Of packets that are no samples, INFO and STATUS count.
         """
         blocks: list[SampleBlock] = []
         for item in items:
@@ -139,13 +121,7 @@ class SampleAssembler:
         return blocks
 
     def damaged(self, places: Iterable[int]) -> None:
-        """Note damaged frames, before the packets around them are fed.
-
-        Parameters
-        ----------
-        places : iterable of int
-            After how many samples, of all that were ever fed, each came; ascending.
-        """
+        """Note after how many samples, of all ever fed, damaged frames came (ascending), before those are fed."""
         self._damage.add(places)
 
     def feed_run(
@@ -168,9 +144,9 @@ class SampleAssembler:
             The new samples, the same as :meth:`feed` returns chunk by chunk. None, and nothing is taken into account,
             where a segment starts, samples are held back, or the clock may jump: then feed the chunks one by one.
         """
-        if self._held.holding or self.foreign or not self._axis.is_open or self._falls_back(batch):
+        if self._held.holding or self._held.foreign or not self._axis.is_open or self._falls_back(batch):
             return None
-        # An object that has introduced itself answers for its STATUS: see _is_anothers.
+        # An object that has introduced itself answers for its STATUS: see _feed_status.
         if self.info is not None and not all(
             self._clock.is_plain(item.status.uptime_us, item.host_time_ns) for item in statuses
         ):
@@ -202,20 +178,18 @@ class SampleAssembler:
         return None if located_us is None or not self._axis.is_open else self._axis.at_s(located_us)
 
     def losses(self) -> LossReport:
-        """Return the account so far; see :meth:`LossLedger.report`."""
+        """Return the account so far, over all segments."""
         self._enter_damage()
-        return self.ledger.report()
+        return self._ledger.report()
 
     def missing_runs(self) -> list[MissingRun]:
         """Return the runs of missing samples, numbered as :attr:`SampleBlock.index`, with why each is missing."""
         self._enter_damage()
-        return self.ledger.missing_runs(self._index_shift)
+        return self._ledger.missing_runs(self._index_shift)
 
     def _enter_damage(self) -> None:
         """Enter the damaged frames behind the last sample into the ledger."""
-        n = self._damage.take_behind()
-        if n:
-            self.ledger.damaged(n)
+        self._ledger.damaged(self._damage.take_behind())
 
     def _hold(self, item: StreamItem, host_time_ns: int) -> list[SampleBlock]:
         return self.release() if self._held.hold(item, host_time_ns) else []
@@ -237,18 +211,17 @@ class SampleAssembler:
         if isinstance(item, OrientationBatch):
             return self._feed_batch(item, host_time_ns, doubts)
         if isinstance(item, Status):
-            if doubts and self._is_anothers(item, host_time_ns):
-                self._held.start(doubts_clock=True)
-                return self._hold(item, host_time_ns)
-            self.status = item
-            self.ledger.status(item)
+            return self._feed_status(item, host_time_ns, doubts)
         return []
 
-    def _is_anothers(self, status: Status, host_time_ns: int) -> bool:
-        """Return whether a STATUS is of a clock that cannot be the one of the samples."""
-        if not self._axis.is_open or self._clock.newest_us is None:
-            return False
-        return self._clock.locate(status.uptime_us, host_time_ns) is None
+    def _feed_status(self, status: Status, host_time_ns: int, doubts: bool) -> list[SampleBlock]:
+        # One whose clock cannot be that of the samples may be another object's.
+        if doubts and self._axis.is_open and self._clock.locate(status.uptime_us, host_time_ns) is None:
+            self._held.start(doubts_clock=True)
+            return self._hold(status, host_time_ns)
+        self.status = status
+        self._ledger.status(status)
+        return []
 
     def _feed_batch(self, batch: OrientationBatch, host_time_ns: int, doubts: bool) -> list[SampleBlock]:
         """Place the samples of a batch, piece by piece from one jump of the clock to the next.
@@ -314,7 +287,7 @@ class SampleAssembler:
     def _start_segment(self, reason: str) -> None:
         """Let the next sample open a segment of which neither clock nor numbers compare with those before."""
         self._enter_damage()
-        self.ledger.new_segment(self._index_shift)
+        self._ledger.new_segment(self._index_shift)
         self._numbers.restart()
         self._newest = None
         self._inform(reason)
@@ -332,7 +305,7 @@ class SampleAssembler:
         statuses: Sequence[tuple[int, Status]] = (),
     ) -> SampleBlock:
         """Return the new ones of n >= 1 samples of unwrapped device time, numbered, timed and entered in the ledger."""
-        expected = self.ledger.expected_start()
+        expected = self._ledger.expected_start()
         if expected is not None:
             self._numbers.restart(expected)
         numbers = self._numbers.feed(batch.sequence, times_us)
@@ -340,24 +313,17 @@ class SampleAssembler:
             self._open_segment(int(times_us[0]), int(numbers[0]), host_time_ns)
         self._newest = int(batch.sequence[-1]), int(batch.device_time_us[-1])
         samples = UnwrappedSamples(self._damage.n_placed, times_us, batch.quats_wxyz, host_time_ns)
-        keep = self.ledger.feed(numbers, self._damage.place(len(numbers)), statuses)
+        keep = self._ledger.feed(numbers, self._damage.place(len(numbers)), statuses)
         for inform in self.on_samples:
             inform(samples)
         index = numbers + self._index_shift if self._index_shift else numbers
         self._next_index = max(self._next_index, int(index.max()) + 1)
-        block = SampleBlock(
-            segment=len(self.segments) - 1,
-            sequence=numbers,
-            index=index,
-            time_s=self._axis.place(times_us, host_time_ns),
-            quats_wxyz=batch.quats_wxyz,
-            flags=batch.flags,
-            host_time_ns=host_time_ns,
-        )
+        time_s = self._axis.place(times_us, host_time_ns)
+        block = SampleBlock(index, time_s, batch.quats_wxyz, batch.flags, host_time_ns)
         return block if keep.all() else block.chosen(keep)
 
     def _open_segment(self, time_us: int, number: int, host_time_ns: int) -> None:
         # Where the account went on, so do the numbers, and the shift stays; unless they would meet those given before.
-        if self.segments and (self.ledger.is_new or number + self._index_shift < self._next_index):
-            self._index_shift = self._next_index - self.ledger.first_number(number)
+        if self.segments and (self._ledger.is_new or number + self._index_shift < self._next_index):
+            self._index_shift = self._next_index - self._ledger.first_number(number)
         self._axis.open(time_us, host_time_ns)

@@ -23,13 +23,7 @@ LARGEST_GROWTH = 16
 
 
 class SampleGatherer:
-    """Takes blocks in wire order.
-
-    Parameters
-    ----------
-    share : callable, optional
-        Returns which share of all samples came at least, 0 where that is not known.
-    """
+    """Gathers blocks in wire order; ``share`` returns which share of all samples came at least, 0 if not known."""
 
     def __init__(self, share: Callable[[], float] = lambda: 0.0) -> None:
         self._share = share
@@ -58,20 +52,13 @@ class SampleGatherer:
             self._time_s = _moved(self._time_s, expected, self._n)
             self._quats = _moved(self._quats, expected, self._n)
         else:
-            capacity = int(GROWTH * n)
-            self._index.resize(capacity, refcheck=False)  # nobody else has seen them
-            self._time_s.resize(capacity, refcheck=False)
-            self._quats.resize((capacity, 4), refcheck=False)
+            for column in (self._index, self._time_s, self._quats):
+                column.resize((int(GROWTH * n), *column.shape[1:]), refcheck=False)  # nobody else has seen them
 
     def series(self, source: str, notes: Iterable[str] = ()) -> OrientationSeries:
-        """Return the series, late samples put where they belong; nothing can be added after it.
+        """Return the series, late samples put where they belong; ``source`` and ``notes`` are for people.
 
-        Parameters
-        ----------
-        source : str
-            For people.
-        notes : iterable of str
-            What was met, for people.
+        Nothing can be added after it.
 
         Raises
         ------

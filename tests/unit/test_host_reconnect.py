@@ -216,7 +216,6 @@ def test_samples_of_another_object_never_get_into_the_trial():
     assembler.reopened()
     other = Info(device_id=8, boot_id=9)
     assert fed(assembler, ([samples([50], [500_000])], 510), ([other], 520), ([samples([51], [510_000])], 530)) == []
-    assert assembler.foreign
     assert assembler.losses().received == 10
     fed(assembler, ([ME], 540))
     (block,) = fed(assembler, ([samples([52], [520_000])], 541))

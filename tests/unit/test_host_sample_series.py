@@ -14,7 +14,7 @@ def blocks(n, size):
     for first in range(0, n, size):
         index = np.arange(first, min(first + size, n))
         part = quats[first : first + size]
-        yield SampleBlock(0, index, index, index / 1000.0, part, np.zeros(len(index), np.uint8), 0)
+        yield SampleBlock(index, index / 1000.0, part, np.zeros(len(index), np.uint8), 0)
 
 
 @pytest.mark.parametrize("share", [0.0, 1e-9, 0.2, 0.5, 0.99, 1.0])
