@@ -1,11 +1,20 @@
 """Raw ticks through the clock's parts without an object: every jump is taken for a new segment."""
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from host.clock.remap import ClockStep, remap
+from host.clock.remap import remap
 from host.clock.unwrap import ClockUnwrapper
+
+
+class Step(NamedTuple):
+    index: int
+    segment: int
+    host_time_ns: int
+    disagreement_us: int
+    gap_ns: int
 
 
 class UnwrappedChunks:
@@ -40,7 +49,7 @@ class UnwrappedChunks:
             if start == len(ticks):
                 return
             disagreement_us, _ = self.clock.jump(int(ticks[start]), host_time_ns)
-            self._steps.append(ClockStep(start, self.new_segment(), host_time_ns, disagreement_us, gap_ns))
+            self._steps.append(Step(start, self.new_segment(), host_time_ns, disagreement_us, gap_ns))
 
     def feed(self, device_time_us, host_time_ns):
         if np.ndim(device_time_us) != 1:

@@ -1,18 +1,12 @@
-"""What the clock estimator is set to, and what it finds: frozen, with everything a reader needs to judge it."""
+"""What the clock estimator is set to, and what it finds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from analysis.scoring.recorded_parts import LiveClock
 from analysis.scoring.result_parts import known
-from host.clock.envelope import DelayLine
 from host.clock.interval import OffsetInterval
-
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +47,6 @@ class ClockEstimate:
     """Device time (unwrapped) at which the offset is given, the newest one heard, us."""
     offset_ns: float
     """Host minus device time at ``reference_us``, ns, by the lower envelope."""
-    delay_slope: float
-    """What the offset gains in device time, ns per us."""
     skew_ppm: float
     """Rate of the device clock over the host's, minus one; positive where the device is fast."""
     skew_uncertainty_ppm: float
@@ -95,18 +87,3 @@ class ClockEstimate:
             warm_up_s=self.warm_up_s,
             bursty=self.bursty,
         )
-
-    def to_host_ns(self, device_unwrapped_us: npt.ArrayLike) -> IntArray:
-        """Map unwrapped device time of the same segment to host time.
-
-        Parameters
-        ----------
-        device_unwrapped_us : (...,) int64
-            us.
-
-        Returns
-        -------
-        (...,) int64
-            Host time, ns, monotonic.
-        """
-        return DelayLine(self.reference_us, self.offset_ns, self.delay_slope).to_host_ns(device_unwrapped_us)

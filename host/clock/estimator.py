@@ -24,61 +24,35 @@ ROUND_TRIPS_KEPT = 64
 
 
 class ClockEstimator:
-    """Causal lower-envelope estimate; bounded memory, about a microsecond per chunk and a refit every second.
-
-    Parameters
-    ----------
-    settings : EstimatorSettings, optional
-        Windows and bounds.
-    """
+    """Causal lower-envelope estimate; bounded memory, about a microsecond per chunk and a refit every second."""
 
     def __init__(self, settings: EstimatorSettings | None = None) -> None:
-        self.settings = settings or EstimatorSettings()
-        self._segment = 0
+        self._settings = settings or EstimatorSettings()
+        self.segment = 0
+        """Number of the present segment, from 0."""
         self._known_slope: float | None = None  # of a warm time before: the crystal stays the same over a reset
         self._start_segment()
 
-    @property
-    def segment(self) -> int:
-        """Number of the present segment, from 0."""
-        return self._segment
-
-    @property
-    def line(self) -> DelayLine | None:
-        """The mapping alone, as it stands; None before the segment's first sample."""
-        return self._line
-
-    @property
-    def bursty(self) -> bool:
-        """Whether the link is judged bursty now."""
-        return self._bursty
-
-    @property
-    def segment_start_ns(self) -> int:
-        """Arrival of the segment's first sample, ns; of a late step, which is seen late, before it was reported."""
-        return self._start_ns
-
-    def new_segment(self) -> int:
+    def new_segment(self) -> None:
         """Start again: the device clock was reset, or may have been. The skew is kept as a first guess.
 
-        Returns
-        -------
-        int
-            The number of the segment; unchanged if the present one has no sample yet.
+        A segment without a sample goes on instead.
         """
-        if self._line is not None:
-            self._segment += 1
+        if self.line is not None:
+            self.segment += 1
             self._start_segment()
-        return self._segment
 
     def _start_segment(self) -> None:
-        self._line: DelayLine | None = None  # None before the first sample
+        self.line: DelayLine | None = None
+        """The mapping alone, as it stands; None before the segment's first sample."""
         self._newest_us = 0
-        self._start_ns = 0
+        self.segment_start_ns = 0
+        """Arrival of the segment's first sample, ns; of a late step, which is seen late, before it was reported."""
         self._n = 0
         self._warm_up_s: float | None = None
         self._burst_share = 0.0
-        self._bursty = False
+        self.bursty = False
+        """Whether the link is judged bursty now."""
         self._residuals: deque[float] = deque(maxlen=RESIDUALS_KEPT)
         self._round_trips: deque[tuple[Point, Point]] = deque(maxlen=ROUND_TRIPS_KEPT)
         self._forget_seconds()
@@ -107,8 +81,8 @@ class ClockEstimator:
         """
         newest_us, oldest_us = int(device_us.max()), int(device_us.min())
         self.feed(newest_us, host_time_ns, newest_us - oldest_us)
-        assert self._line is not None  # it has just been fed
-        return self._line.to_host_ns(device_us)
+        assert self.line is not None  # it has just been fed
+        return self.line.to_host_ns(device_us)
 
     def feed(self, device_us: int, host_time_ns: int, span_us: int = 0) -> float | None:
         """Take the newest sample of a chunk into account.
@@ -130,11 +104,11 @@ class ClockEstimator:
         """
         delay_ns = host_time_ns - 1000 * device_us
         step_ns = self._close_second(host_time_ns) if self._seconds.is_new(host_time_ns) else None
-        line = self._line
+        line = self.line
         if line is None:
-            self._start_ns = host_time_ns
+            self.segment_start_ns = host_time_ns
             self._newest_us = device_us
-            line = self._line = DelayLine(device_us, float(delay_ns), self._known_slope or 0.0)
+            line = self.line = DelayLine(device_us, float(delay_ns), self._known_slope or 0.0)
         gap_us = max(0, device_us - self._newest_us)
         residual_ns = delay_ns - line.delay_at(device_us)
         if residual_ns < 0.0:
@@ -143,51 +117,38 @@ class ClockEstimator:
                 self.feed(device_us, host_time_ns, span_us)
                 return residual_ns
             # The line was too high: nothing arrives before it is sent.
-            line = self._line = line.lowered(-residual_ns)
+            line = self.line = line.lowered(-residual_ns)
             residual_ns = 0.0
         if gap_us > 1e6 * self._window_s():
             # What was known of the offset is too old; of the skew it is the best guess.
             self._forget_seconds()
-            self._line = DelayLine(device_us, float(delay_ns), line.slope)
+            self.line = DelayLine(device_us, float(delay_ns), line.slope)
             residual_ns = 0.0
         self._seconds.enter((device_us, delay_ns), residual_ns, host_time_ns)
         self._n += 1
         self._newest_us = max(self._newest_us, device_us)
         self._residuals.append(residual_ns)
-        self._burst_share += ((span_us >= 1e6 * self.settings.burst_span_s) - self._burst_share) / 64
+        self._burst_share += ((span_us >= 1e6 * self._settings.burst_span_s) - self._burst_share) / 64
         return step_ns
 
     def feed_round_trip(
         self, host_send_ns: int, receive_us: int, transmit_us: int, host_receive_ns: int
     ) -> float | None:
-        """Bound the offset by a TIME_REQUEST and its reply.
+        """Bound the offset by a TIME_REQUEST and its reply; return as :meth:`feed` does.
 
-        The request left before it was received and the reply was sent before it arrived, so at those device times the
-        offset is at least ``host_send - receive`` and at most ``host_receive - transmit``. Replies do not enter the
-        envelope: they are too few, and may be faster than samples, which would make the mapped time jitter.
-
-        Parameters
-        ----------
-        host_send_ns : int
-            Host time of the request, ns, monotonic.
-        receive_us, transmit_us : int
-            The device's two readings, unwrapped into this segment, us.
-        host_receive_ns : int
-            Host time of the reply, ns, monotonic.
-
-        Returns
-        -------
-        float or None
-            As of :meth:`feed`. A round trip that contradicts itself is ignored.
+        The request left before it was received and the reply was sent before it arrived, so at those device times
+        (unwrapped into this segment) the offset is at least ``host_send - receive`` and at most ``host_receive -
+        transmit``. A round trip that contradicts itself is ignored. Replies do not enter the envelope: they are too
+        few, and may be faster than samples, which would make the mapped time jitter.
         """
-        if self._line is None:
+        if self.line is None:
             return None
         low, high = (receive_us, host_send_ns - 1000 * receive_us), (transmit_us, host_receive_ns - 1000 * transmit_us)
-        slack_ns = 1e-3 * self.settings.max_skew_ppm * max(0, transmit_us - receive_us)
+        slack_ns = 1e-3 * self._settings.max_skew_ppm * max(0, transmit_us - receive_us)
         if transmit_us < receive_us or low[1] > high[1] + slack_ns:
             return None
         if self._warm:
-            late_ns = low[1] - self._line.delay_at(receive_us)
+            late_ns = low[1] - self.line.delay_at(receive_us)
             if late_ns > self._early_bound_ns(max(0, receive_us - self._newest_us)):
                 self.new_segment()
                 return late_ns
@@ -196,10 +157,10 @@ class ClockEstimator:
 
     def estimate(self) -> ClockEstimate | None:
         """Return what is known now; None before the segment's first sample."""
-        line = self._line
+        line = self.line
         if line is None:
             return None
-        settings = self.settings
+        settings = self._settings
         at_us = self._newest_us
         tolerance = min(self._slope_uncertainty, 1e-3 * settings.max_skew_ppm) + 1e-3 * settings.wander_ppm
 
@@ -215,10 +176,9 @@ class ClockEstimator:
         high_ns = min(bound(point, 1) for point in uppers)
         jitter = np.percentile(self._residuals, [50, 99]) if self._residuals else np.zeros(2)
         return ClockEstimate(
-            segment=self._segment,
+            segment=self.segment,
             reference_us=at_us,
             offset_ns=line.delay_at(at_us),
-            delay_slope=line.slope,
             skew_ppm=1e6 * (1000.0 / (1000.0 + line.slope) - 1.0),
             skew_uncertainty_ppm=1e3 * self._slope_uncertainty,
             interval=OffsetInterval(low_ns, high_ns, low_ns is None or low_ns <= high_ns, len(self._round_trips)),
@@ -229,27 +189,23 @@ class ClockEstimator:
             n=self._n,
             n_bins=len(self._window()),
             window_s=self._window_s(),
-            bursty=self._bursty,
+            bursty=self.bursty,
         )
 
     def _window_s(self) -> float:
-        return self.settings.bursty_window_s if self._bursty else self.settings.window_s
+        return self._settings.bursty_window_s if self.bursty else self._settings.window_s
 
     def _window(self) -> list[Point]:
         oldest_us = self._newest_us - 1e6 * self._window_s()
         return [point for point in self._seconds.kept if point[0] >= oldest_us]
 
     def _early_bound_ns(self, gap_us: int) -> float:
-        settings = self.settings
-        return (
-            1e9 * settings.step_s
-            + 2 * self._scatter_ns
-            + (self._slope_uncertainty + 1e-3 * settings.wander_ppm) * gap_us
-        )
+        drift = self._slope_uncertainty + 1e-3 * self._settings.wander_ppm
+        return 1e9 * self._settings.step_s + 2 * self._scatter_ns + drift * gap_us
 
     def _close_second(self, host_time_ns: int) -> float | None:
         """Keep the past second's best point and refit; return the change of delay if it has been late for too long."""
-        seconds, settings = self._seconds, self.settings
+        seconds, settings = self._seconds, self._settings
         point, residual_ns = seconds.close()
         if point is None:
             return None
@@ -265,13 +221,13 @@ class ClockEstimator:
         """Start a segment with the late seconds as its first."""
         late, step_ns = sorted(self._seconds.late), self._seconds.late_least_ns
         self.new_segment()
-        self._start_ns, self._newest_us = 1000 * late[0][0] + late[0][1], late[-1][0]
+        self.segment_start_ns, self._newest_us = 1000 * late[0][0] + late[0][1], late[-1][0]
         self._seconds.kept.extend(late)
         self._refit(host_time_ns)
         return step_ns
 
     def _refit(self, host_time_ns: int) -> None:
-        settings = self.settings
+        settings = self._settings
         self._judge_bursts()
         points = self._window()
         if not points:
@@ -286,7 +242,7 @@ class ClockEstimator:
         usual_ns = sorted(self._residuals)[len(self._residuals) // 2] if self._residuals else 0.0
         spread_ns = max(self._scatter_ns, usual_ns)
         self._slope_uncertainty = spread_ns / span_us if enough else float("inf")
-        if self._bursty:  # bursts are of one age for minutes, then of another: little scatter proves nothing
+        if self.bursty:  # bursts are of one age for minutes, then of another: little scatter proves nothing
             enough = enough and span_us >= 0.5e6 * settings.bursty_window_s
         known = self._slope_uncertainty <= 1e-3 * settings.warm_uncertainty_ppm or span_us > 0.9e6 * self._window_s()
         self._warm = enough and (self._warm or known)
@@ -297,14 +253,14 @@ class ClockEstimator:
         if self._warm:
             self._known_slope = line.slope
             if self._warm_up_s is None:
-                self._warm_up_s = 1e-9 * (host_time_ns - self._start_ns)
-        self._line = line
+                self._warm_up_s = 1e-9 * (host_time_ns - self.segment_start_ns)
+        self.line = line
 
     def _judge_bursts(self) -> None:
         """Bursty by the chunks' own span, or by seconds' least delays that beat; half of both to be steady again."""
-        settings = self.settings
+        settings = self._settings
         points = list(self._seconds.kept)
         scatter = scatter_ns(points, envelope_line(points)) if len(points) >= settings.warm_bins else 0.0
-        share = 0.25 if self._bursty else 0.5
-        limit_ns = 1e9 * settings.burst_scatter_s * (0.5 if self._bursty else 1.0)
-        self._bursty = self._burst_share > share or scatter > limit_ns
+        share = 0.25 if self.bursty else 0.5
+        limit_ns = 1e9 * settings.burst_scatter_s * (0.5 if self.bursty else 1.0)
+        self.bursty = self._burst_share > share or scatter > limit_ns

@@ -83,10 +83,8 @@ def unwrapped_round_trips(
 
     Returns
     -------
-    trips : RoundTrips
-        Those that fit.
-    segment : (k,) int64
-        The clock segment of each.
+    RoundTrips, (k,) int64
+        Those that fit, and the clock segment of each.
     """
     if not len(trips) or not len(arrival_ns):
         return NO_ROUND_TRIPS, np.empty(0, np.int64)

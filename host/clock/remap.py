@@ -7,7 +7,7 @@ of the line and needs no warm-up. Where segments start, whoever unwrapped the de
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -35,10 +35,6 @@ class ClockStep:
 
     index: int
     """First sample of the new segment."""
-    segment: int
-    """Its number."""
-    host_time_ns: int
-    """Arrival of that sample, ns, monotonic; where the step is seen late, of the one that showed it."""
     disagreement_us: int
     """Device reading minus the host's prediction of it, modulo the wrap, in [-2**31, 2**31) us."""
     gap_ns: int
@@ -60,11 +56,9 @@ class RemappedSegment:
     jitter_p99_ns: float
     """99th percentile of the same, ns."""
     n_chunks: int
-    """Chunks in the segment."""
     window_s: float
     """Width of the centred window, s."""
     bursty: bool
-    """Whether the link was judged bursty."""
     offset_ns: float
     """Host minus device time as mapped, in the middle of the segment, ns."""
     interval: OffsetInterval
@@ -77,16 +71,12 @@ class RemappedClock:
 
     host_time_ns: IntArray
     """(n,) host time at which each sample was taken plus the link's constant delay, ns; continuous in a segment."""
-    device_time_unwrapped_us: IntArray
-    """(n,) us; compares within one segment only."""
     segment: IntArray
     """(n,) number of each sample's clock segment, from 0."""
     segments: tuple[RemappedSegment, ...]
     """In order."""
     steps: tuple[ClockStep, ...]
     """Steps of the device clock; ``index`` counts samples of the recording. Known starts are not among them."""
-    settings: EstimatorSettings
-    """What made it."""
 
 
 def remap(
@@ -136,8 +126,6 @@ def remap(
     starts = sorted({*starts, *(step.index for step in steps)})
     bounds = [0, *starts, n] if n else [0]
     segment = np.searchsorted(starts, np.arange(n), side="right").astype(np.int64)
-    steps = [replace(step, segment=int(segment[step.index])) for step in steps]
-
     window_s = settings.bursty_window_s if bursty else settings.window_s
     pieces = [chunks.within(start, stop) for start, stop in pairwise(bounds)]
     slope = _longest_slope(pieces)
@@ -148,9 +136,8 @@ def remap(
         knots = _knots(piece, slope, window_s)
         host_ns[start:stop] = _mapped(knots, unwrapped[start:stop])
         residual = piece.arrival_ns - _mapped(knots, piece.newest_us)
-        p50, p99 = np.percentile(residual, [50, 99])
+        p50, p99 = np.percentile(residual, [50, 99]).tolist()
         mean_slope = (knots[-1][1] - knots[0][1]) / (knots[-1][0] - knots[0][0]) if len(knots) > 1 else slope
-        skew_ppm = 1e6 * (1000.0 / (1000.0 + mean_slope) - 1.0)
         middle_us = (knots[0][0] + knots[-1][0]) // 2
         own = trips.chosen(trip_segment == number)
         interval = offset_interval(
@@ -160,15 +147,15 @@ def remap(
             (_mapped(knots, own.receive_us), _mapped(knots, own.transmit_us)),
             window_s,
             # Over the window the line may be off by what the crystal wanders and by what the link usually adds.
-            1e-3 * settings.wander_ppm + float(p50) / (1e6 * window_s),
+            1e-3 * settings.wander_ppm + p50 / (1e6 * window_s),
         )
         segments.append(
             RemappedSegment(
                 start=start,
                 stop=stop,
-                skew_ppm=skew_ppm,
-                jitter_p50_ns=float(p50),
-                jitter_p99_ns=float(p99),
+                skew_ppm=1e6 * (1000.0 / (1000.0 + mean_slope) - 1.0),
+                jitter_p50_ns=p50,
+                jitter_p99_ns=p99,
                 n_chunks=len(residual),
                 window_s=window_s,
                 bursty=bursty,
@@ -176,7 +163,7 @@ def remap(
                 interval=interval,
             )
         )
-    return RemappedClock(host_ns, unwrapped, segment, tuple(segments), tuple(steps), settings)
+    return RemappedClock(host_ns, segment, tuple(segments), tuple(steps))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,8 +178,7 @@ class _Chunks:
     @classmethod
     def of(cls, unwrapped: IntArray, arrival: IntArray, starts: list[int]) -> _Chunks:
         if not len(unwrapped):
-            empty = np.empty(0, dtype=np.int64)
-            return cls(empty, empty, empty, empty)
+            return cls(*(np.empty(0, np.int64),) * 4)
         first = np.unique([0, *starts, *(np.flatnonzero(np.diff(arrival)) + 1)]).astype(np.int64)
         newest = np.maximum.reduceat(unwrapped, first)
         return cls(first, newest, newest - np.minimum.reduceat(unwrapped, first), arrival[first])
@@ -222,17 +208,14 @@ def _measured(unwrapped: IntArray, arrival: IntArray, known: list[int], starts: 
         if not len(whole):  # the segment before started in this very block: its first sample has to predict
             unwrapper.unwrap(unwrapped[start : start + 1], end_ns)
         disagreement_us, gap_ns = unwrapper.jump(int(unwrapped[index]), end_ns)
-        steps.append(ClockStep(index, 0, end_ns, disagreement_us, gap_ns))
+        steps.append(ClockStep(index, disagreement_us, gap_ns))
     return steps
 
 
 def _small_steps(chunks: _Chunks, starts: list[int], settings: EstimatorSettings) -> tuple[list[ClockStep], bool]:
     """Find the steps that only the causal estimate can see, and whether the link is bursty."""
-    estimator = ClockEstimator(settings)
-    steps: list[ClockStep] = []
-    start_set = set(starts)
-    before_ns = 0
-    bursty = 0
+    estimator, steps, start_set = ClockEstimator(settings), list[ClockStep](), set(starts)
+    before_ns = bursty = 0
     columns = (chunks.first, chunks.newest_us, chunks.span_us, chunks.arrival_ns)
     for first, newest_us, span_us, arrival_ns in zip(*(column.tolist() for column in columns), strict=True):
         if first in start_set:
@@ -240,8 +223,7 @@ def _small_steps(chunks: _Chunks, starts: list[int], settings: EstimatorSettings
         moved_ns = estimator.feed(newest_us, arrival_ns, span_us)
         if moved_ns is not None:
             chunk = int(np.searchsorted(chunks.arrival_ns, estimator.segment_start_ns))
-            index = int(chunks.first[chunk])
-            steps.append(ClockStep(index, 0, arrival_ns, -round(moved_ns / 1000), arrival_ns - before_ns))
+            steps.append(ClockStep(int(chunks.first[chunk]), -round(moved_ns / 1000), arrival_ns - before_ns))
         before_ns = arrival_ns
         bursty += 1 if estimator.bursty else -1
     return steps, bursty > 0
@@ -299,9 +281,7 @@ def _mapped(knots: list[tuple[int, float]], device_us: IntArray) -> IntArray:
     delay_ns = np.array([delay - base_ns for _, delay in knots])
     within = np.interp((device_us - x[0]).astype(float), (x - x[0]).astype(float), delay_ns)
     if len(knots) > 1:  # np.interp stays level outside; the line goes on
-        edge = (delay_ns[1] - delay_ns[0]) / (x[1] - x[0])
-        within += np.minimum(device_us - x[0], 0) * edge
-        edge = (delay_ns[-1] - delay_ns[-2]) / (x[-1] - x[-2])
-        within += np.maximum(device_us - x[-1], 0) * edge
+        slopes = np.diff(delay_ns) / np.diff(x)
+        within += np.minimum(device_us - x[0], 0) * slopes[0] + np.maximum(device_us - x[-1], 0) * slopes[-1]
     mapped: IntArray = 1000 * device_us + (np.rint(within).astype(np.int64) + base_ns)
     return mapped

@@ -77,19 +77,7 @@ SILENT_NS = 10**9
 
 
 class Session:
-    """Talks with one object.
-
-    Parameters
-    ----------
-    settings : SessionSettings
-        Rate and timeouts.
-    link_name : str
-        For error messages.
-    now_ns : int
-        Monotonic time at the start.
-    encode : callable
-        Command to bytes as the link takes them.
-    """
+    """Talks with one object; ``encode`` makes the bytes that the link takes of a command, errors name the link."""
 
     def __init__(
         self,
@@ -156,13 +144,7 @@ class Session:
                     self._start()
 
     def new_segment(self, reason: str) -> None:
-        """Learn that a new segment of samples starts: an object that was reset must be started again.
-
-        Parameters
-        ----------
-        reason : str
-            As :attr:`host.stream.samples.SampleAssembler.on_segment` reports it.
-        """
+        """Learn that a new segment of samples starts, and why: an object that was reset must be started again."""
         if reason == RESET:
             self.warnings.append("the object was reset during the capture")
             if self.phase in {Phase.STREAMING, Phase.STARTING}:
@@ -248,15 +230,10 @@ class Session:
         if ack.code is AckCode.OK or isinstance(command, Stop) or streams_already:
             self._advance(host_time_ns)
             return
-        why = ack.code.name.lower().replace("_", " ")
+        problem, remedy = "does not start to stream", "restart it, or wait until it is ready"
         if isinstance(command, SetRate):
-            self.error = WrongObjectError(
-                f"the object refuses {command.rate_hz} Hz ({why})", "give another --rate, or leave it out"
-            )
-        else:
-            self.error = WrongObjectError(
-                f"the object does not start to stream ({why})", "restart it, or wait until it is ready"
-            )
+            problem, remedy = f"refuses {command.rate_hz} Hz", "give another --rate, or leave it out"
+        self.error = WrongObjectError(f"the object {problem} ({ack.code.name.lower().replace('_', ' ')})", remedy)
 
     def _advance(self, now_ns: int) -> None:
         """Enter the next phase, once no command of this one is left."""
