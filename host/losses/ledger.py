@@ -84,6 +84,12 @@ class _Account:
     base: int | None = None  # samples_produced minus unwrapped number
     pending: tuple[Status, Status] | None = None  # the first and the last STATUS before the first sample
 
+    def status_before(self, number: int) -> tuple[Status, Status] | None:
+        """Return the pending STATUS if a first sample of this number goes on from what the last of them counted."""
+        if self.pending is None or not 0 <= number - self.pending[1].samples_produced < SEQUENCE_MODULUS // 2:
+            return None
+        return self.pending
+
     @property
     def produced(self) -> int:
         return 0 if self.first is None else self.known_end - self.first
@@ -103,12 +109,9 @@ class _Account:
 
 
 class LossLedger:
-    """Keeps the account while samples and STATUS come in wire order. Memory is bounded.
+    """Keeps the account while samples and STATUS come in wire order.
 
-    Parameters
-    ----------
-    max_runs : int
-        Runs of missing samples kept one by one in each account, and of closed accounts together.
+    Memory is bounded: of each account, and of closed accounts together, ``max_runs`` runs are kept one by one.
     """
 
     def __init__(self, max_runs: int = MAX_RUNS_KEPT) -> None:
@@ -125,13 +128,10 @@ class LossLedger:
     def new_segment(self, shift: int = 0) -> None:
         """Close the account: the device was reset or its clock stepped, and its numbers cannot be compared.
 
-        Parameters
-        ----------
-        shift : int
-            What makes of this account's numbers those of :meth:`missing_runs`.
+        Adding ``shift`` makes of this account's numbers those of :meth:`missing_runs`.
         """
         if self._account.first is not None:
-            self._closed = _sum(self._closed, _report(self._account))
+            self._closed = self.report()
             self._closed_runs.extend(_shifted(self._account, shift))
         self._account = _Account(MissingRuns(self._max_runs))
 
@@ -142,16 +142,12 @@ class LossLedger:
     def expected_start(self) -> int | None:
         """Return the number of the next sample produced, where a STATUS reported it before the first sample came."""
         account = self._account
-        if account.pending is None or account.first is not None:
-            return None
-        return account.pending[1].samples_produced
+        return None if account.pending is None or account.first is not None else account.pending[1].samples_produced
 
     def first_number(self, number: int) -> int:
         """Return where an account that opens with this sample starts: a STATUS may have reported samples before it."""
-        pending = self._account.pending
-        if pending is None or not 0 <= number - pending[1].samples_produced < SEQUENCE_MODULUS // 2:
-            return number
-        return pending[0].samples_produced
+        earlier = self._account.status_before(number)
+        return number if earlier is None else earlier[0].samples_produced
 
     def damaged(self, n: int) -> None:
         """Enter frames that arrived damaged, behind all samples so far."""
@@ -213,28 +209,26 @@ class LossLedger:
         account.runs.settle(account.last + 1)
 
     def _feed_disturbed(self, numbers: IntArray, damaged: IntArray) -> BoolArray:
-        if self._account.first is None:
-            self._open(int(numbers[0]))
-        damaged[0] += self._account.damaged
-        self._account.damaged = 0
-        keep = self._enter_each(numbers, damaged)
-        self._know_of_last()
-        return keep
-
-    def _enter_each(self, numbers: IntArray, damaged: IntArray) -> BoolArray:
         account = self._account
+        if account.first is None:
+            self._open(int(numbers[0]))
+        damaged[0] += account.damaged
+        account.damaged = 0
+        keep = np.ones(len(numbers), dtype=np.bool_)
         # Gaps alone can be entered run by run. Where a sample went back, or ever did, it may fill a run, so that what
         # is missing changes with every sample.
         missing = np.diff(numbers, prepend=account.last) - 1
         if account.reordered or (missing < 0).any():
-            pairs = zip(numbers.tolist(), damaged.tolist(), strict=True)
-            return np.array([self._enter(number, hits) for number, hits in pairs], dtype=np.bool_)
-        for index in np.flatnonzero(missing).tolist():
-            gone = int(missing[index])
-            account.runs.add(MissingRun(int(numbers[index]) - gone, gone, int(damaged[index])))
-        account.received += len(numbers)
-        account.last = int(numbers[-1])
-        return np.ones(len(numbers), dtype=np.bool_)
+            for index, (number, hits) in enumerate(zip(numbers.tolist(), damaged.tolist(), strict=True)):
+                keep[index] = self._enter(number, hits)
+        else:
+            for index in np.flatnonzero(missing).tolist():
+                gone = int(missing[index])
+                account.runs.add(MissingRun(int(numbers[index]) - gone, gone, int(damaged[index])))
+            account.received += len(numbers)
+            account.last = int(numbers[-1])
+        self._know_of_last()
+        return keep
 
     def status(self, status: Status) -> None:
         """Enter the device's own counters."""
@@ -264,22 +258,33 @@ class LossLedger:
 
     def report(self) -> LossReport:
         """Return the account over all segments."""
-        if self._account.first is None:
-            return self._closed
-        return _sum(self._closed, _report(self._account))
+        account, closed = self._account, self._closed
+        if account.first is None:
+            return closed
+        missing = account.runs.totals(account.tail)
+        return LossReport(
+            produced=closed.produced + account.produced,
+            received=closed.received + account.received,
+            lost=closed.lost + account.produced - account.received - missing.rejected - missing.dropped,
+            rejected=closed.rejected + missing.rejected,
+            dropped=closed.dropped + missing.dropped,
+            duplicates=closed.duplicates + account.duplicates,
+            reordered=closed.reordered + account.reordered,
+            segments=closed.segments + 1,
+            exact=closed.exact and account.exact,
+        )
 
     def _open(self, number: int) -> None:
-        account = self._account
-        account.first = self.first_number(number)
+        account, earlier = self._account, self._account.status_before(number)
         # Numbers count on from a STATUS before the first sample (see SampleAssembler), so both are the same: base 0.
-        if account.pending is not None and 0 <= number - account.pending[1].samples_produced < SEQUENCE_MODULUS // 2:
-            first, last = account.pending
+        if earlier is not None:
+            first, last = earlier
             account.base = 0
             account.status_end = last.samples_produced
             account.runs.mark(last.samples_produced, last.samples_dropped - first.samples_dropped)
             account.dropped_now = last.samples_dropped
+        account.first = account.known_end = self.first_number(number)
         account.last = account.first - 1
-        account.known_end = account.first
 
     def _enter(self, number: int, damaged: int) -> bool:
         """Enter one sample of a disturbed run, and the damaged frames before it; return whether it is new."""
@@ -306,27 +311,3 @@ class LossLedger:
 
 def _shifted(account: _Account, shift: int) -> list[MissingRun]:
     return [replace(run, first=run.first + shift) for run in account.runs.all_runs(account.tail)]
-
-
-def _report(account: _Account) -> LossReport:
-    missing = account.runs.totals(account.tail)
-    return LossReport(
-        produced=account.produced,
-        received=account.received,
-        lost=account.produced - account.received - missing.rejected - missing.dropped,
-        rejected=missing.rejected,
-        dropped=missing.dropped,
-        duplicates=account.duplicates,
-        reordered=account.reordered,
-        segments=1,
-        exact=account.exact,
-    )
-
-
-def _sum(one: LossReport, other: LossReport) -> LossReport:
-    total = {
-        item.name: getattr(one, item.name) + getattr(other, item.name)
-        for item in fields(LossReport)
-        if item.name != "exact"
-    }
-    return LossReport(**total, exact=one.exact and other.exact)

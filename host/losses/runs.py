@@ -7,7 +7,7 @@ is one of those missing there. What neither explains was lost.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -56,13 +56,7 @@ class MissingTotals:
 
 
 class MissingRuns:
-    """The runs of one account, in order of their numbers.
-
-    Parameters
-    ----------
-    max_runs : int
-        How many are kept one by one; the older ones are only summed up.
-    """
+    """The runs of one account, in order of their numbers: ``max_runs`` one by one, the older ones only summed up."""
 
     def __init__(self, max_runs: int) -> None:
         self._max_runs = max_runs
@@ -168,30 +162,18 @@ def _place_dropped(runs: Sequence[MissingRun], start: int, end: int, dropped: in
     return dropped
 
 
-def _total(runs: Iterable[MissingRun], start: MissingTotals) -> MissingTotals:
-    missing, rejected, dropped = start.missing, start.rejected, start.dropped
-    for run in runs:
-        missing += run.missing
-        rejected += run.rejected
-        dropped += run.dropped
-    return MissingTotals(missing, rejected, dropped)
+def _total(runs: Sequence[MissingRun], start: MissingTotals) -> MissingTotals:
+    return MissingTotals(
+        sum((run.missing for run in runs), start.missing),
+        sum((run.rejected for run in runs), start.rejected),
+        sum((run.dropped for run in runs), start.dropped),
+    )
 
 
 def missing_between(runs: Sequence[MissingRun], bounds: Sequence[int]) -> Iterator[MissingTotals]:
-    """Sum up the runs between neighbouring bounds.
+    """Sum up the runs, in order, between each two of n + 1 ascending sample numbers.
 
-    Parameters
-    ----------
-    runs : sequence of MissingRun
-        In order.
-    bounds : sequence of int
-        n + 1 sample numbers, ascending: from each on up to the next. A run across a bound is thought of as its dropped
-        samples first, then the rejected, then the lost.
-
-    Yields
-    ------
-    MissingTotals
-        n of them.
+    A run across a bound is thought of as its dropped samples first, then the rejected, then the lost.
     """
     columns = np.array([(run.first, run.missing, run.rejected, run.dropped) for run in runs], dtype=np.int64)
     first, missing, rejected, dropped = columns.reshape(-1, 4).T
