@@ -11,7 +11,6 @@ import dataclasses
 from emulator.injection import FaultInjector
 from emulator.links import Link as ObjectLink
 from emulator.virtual_object import VirtualObject
-from firmware_protocol.can.decoder import CanStreamDecoder
 from firmware_protocol.can.encoder import command_frame
 from firmware_protocol.can.frames import pack_frames
 from firmware_protocol.codec import decode_packet, encode_packet
@@ -117,15 +116,15 @@ def watched_trial(scenario, kind, seed, step_s=0.01):
         return taken
 
     injector._send = spied
-    decoder = None if kind == "serial" else CanStreamDecoder(NODE)
-    host, encode = Link(decoder), encode_command if kind == "serial" else encode_packet
+    is_serial = kind == "serial"
+    host, encode = Link(None if is_serial else NODE), encode_command if is_serial else encode_packet
     session = Session(SessionSettings(tries=20), link.host_uri, MONOTONIC_NS, encode)
     chunks, step, was_there = [], 0, True
 
     def take(chunk):
         chunks.append(chunk)
         items = host.feed(chunk)
-        if decoder is not None:
+        if not is_serial:
             link.commands += answers(chunk.frames if isinstance(chunk, FrameChunk) else [])
         return items
 
@@ -142,10 +141,10 @@ def watched_trial(scenario, kind, seed, step_s=0.01):
             session.reopened(now_ns)
         was_there = link.connected
         if data:
-            chunk = Chunk(data, now_ns) if decoder is None else FrameChunk(data, now_ns)
+            chunk = Chunk(data, now_ns) if is_serial else FrameChunk(data, now_ns)
             session.feed(take(chunk), len(data), now_ns)
         for command in session.due(now_ns):
-            if link.connected and decoder is None:
+            if link.connected and is_serial:
                 link.put_bytes(command)
             elif link.connected:
                 link.commands.append(command_frame(command, NODE, link.fd))
