@@ -37,13 +37,8 @@ MAX_CHUNKS = 200_000
 class SampleArrivals:
     """Gathers device time and arrival of the samples of one recording.
 
-    Arrivals are known as the samples come, device times as the assembler places them: maybe later, maybe never. Both
-    are counted from the first sample that came.
-
-    Parameters
-    ----------
-    assembler : SampleAssembler
-        Of the same recording: it unwraps device times, and decides where segments start.
+    Arrivals are known as the samples come, device times as the recording's assembler, which also decides where segments
+    start, places them: maybe later, maybe never. Both are counted from the first sample that came.
     """
 
     def __init__(self, assembler: SampleAssembler) -> None:
@@ -64,28 +59,21 @@ class SampleArrivals:
         self._starts.append(self._n_came)
 
     def came(self, arrival_ns: IntArray) -> None:
-        """Note samples that came.
-
-        Parameters
-        ----------
-        arrival_ns : (n,) int64
-            When the chunk was received that completed each.
-        """
+        """Note n samples that came: when (n,) the chunk was received that completed each."""
         self._arrivals.append(arrival_ns)
         self._n_came += len(arrival_ns)
 
     def came_in_frames(self, parts: list[AnyChunk], items: Iterable[StreamItem]) -> None:
         """Note the samples of chunks of CAN frames that were decoded together; each frame has its own time."""
-        n = sum(len(item) for item in items if isinstance(item, OrientationBatch))
-        arrivals = _frame_arrivals(parts, n)
-        if arrivals is None:
-            self.came_unknown(items)
-        else:
+        arrivals = _frame_times(parts, "ORIENTATION")
+        if len(arrivals) == _n_samples(items):
             self.came(arrivals)
+        else:
+            self.came_unknown(items)
 
     def came_unknown(self, items: Iterable[StreamItem]) -> None:
         """Note samples that the decoder held to the end: by then their chunk is not known any more."""
-        n = sum(len(item) for item in items if isinstance(item, OrientationBatch))
+        n = _n_samples(items)
         self.n_unplaced += n
         self.came(np.full(n, UNKNOWN))
 
@@ -120,13 +108,7 @@ class SampleArrivals:
         return (numbers, times_us, arrivals) if known.all() else (numbers[known], times_us[known], arrivals[known])
 
     def remapped(self, round_trips: RoundTrips = NO_ROUND_TRIPS) -> RemappedClock | None:
-        """Run the clock's offline pass; None where no sample's arrival is known.
-
-        Parameters
-        ----------
-        round_trips : RoundTrips
-            Of the same recording; they bound the offset.
-        """
+        """Run the clock's offline pass; None where no sample's arrival is known."""
         numbers, times_us, arrivals = self.samples()
         if not len(numbers):
             return None
@@ -140,32 +122,24 @@ class SampleArrivals:
         return remap(times_us, arrivals, starts, jumps, round_trips=round_trips)
 
 
-def _frame_arrivals(parts: list[AnyChunk], n: int) -> IntArray | None:
-    """Return the time of each sample's own CAN frame; None if they cannot be told apart."""
-    from firmware_protocol.can.frames import FrameFlag
-    from firmware_protocol.can.mapping import CanFunction
-
-    frames = _frames(parts)
-    if frames is None:
-        return None
-    functions, records = frames
-    no_data = FrameFlag.EXTENDED | FrameFlag.REMOTE | FrameFlag.ERROR | FrameFlag.SENT
-    data = (functions == CanFunction.ORIENTATION) & (records["flags"] & int(no_data) == 0)
-    arrived: IntArray = records["host_time_ns"][data].astype(np.int64)
-    return arrived if len(arrived) == n else None
+def _n_samples(items: Iterable[StreamItem]) -> int:
+    return sum(len(item) for item in items if isinstance(item, OrientationBatch))
 
 
-def _frames(parts: list[AnyChunk]) -> tuple[IntArray, npt.NDArray[np.void]] | None:
-    """Return the function of each CAN frame, and the frames; None where the data are damaged."""
-    from firmware_protocol.can.frames import frame_array
-    from firmware_protocol.can.mapping import FD_BIT, NODE_BITS
+def _frame_times(parts: list[AnyChunk], *functions: str) -> IntArray:
+    """Return the times of the CAN frames that have some functions (by name), ns; none where the data are damaged."""
+    from firmware_protocol.can.frames import FrameFlag, frame_array
+    from firmware_protocol.can.mapping import FD_BIT, NODE_BITS, CanFunction
 
     try:
         records = frame_array(b"".join(part.data for part in parts))
     except MalformedPacketError:
-        return None
-    functions: IntArray = (records["arbitration_id"] & ~np.uint32(FD_BIT)).astype(np.int64) >> NODE_BITS
-    return functions, records
+        return np.empty(0, np.int64)
+    no_data = FrameFlag.EXTENDED | FrameFlag.REMOTE | FrameFlag.ERROR | FrameFlag.SENT
+    found = (records["arbitration_id"] & ~np.uint32(FD_BIT)) >> NODE_BITS
+    wanted = np.isin(found, [CanFunction[name] for name in functions]) & (records["flags"] & int(no_data) == 0)
+    times: IntArray = records["host_time_ns"][wanted].astype(np.int64)
+    return times
 
 
 def offline_clock(clock: RemappedClock | None, n_unplaced: int) -> OfflineClock | None:
@@ -231,7 +205,8 @@ class RecordedRoundTrips:
         """Process chunks of CAN frames that were decoded together, and their packets; each frame has its own time."""
         for item in items:
             if isinstance(item, TimeReply):
-                self.feed(item, _can_arrival(parts))
+                times = _frame_times(parts, "TIME_REPLY_RECEIVE", "TIME_REPLY_TRANSMIT")  # the last completes a reply
+                self.feed(item, int(times.max()) if len(times) else parts[-1].host_time_ns)
 
     def round_trips(self) -> RoundTrips:
         """Return what was found, in order of arrival."""
@@ -240,16 +215,3 @@ class RecordedRoundTrips:
         # Uptimes are u64; of a damaged one only the low bits matter, as of any.
         columns = np.array([[value & (2**62 - 1) for value in trip] for trip in self._found], dtype=np.int64)
         return RoundTrips(*columns[np.argsort(columns[:, 3], kind="stable")].T)
-
-
-def _can_arrival(parts: list[AnyChunk]) -> int:
-    """Return the time of the last frame that can have been part of a reply."""
-    from firmware_protocol.can.mapping import CanFunction
-
-    frames = _frames(parts)
-    if frames is None:
-        return parts[-1].host_time_ns
-    functions, records = frames
-    of_reply = (functions == CanFunction.TIME_REPLY_RECEIVE) | (functions == CanFunction.TIME_REPLY_TRANSMIT)
-    times = records["host_time_ns"][of_reply]
-    return int(times.max()) if len(times) else parts[-1].host_time_ns

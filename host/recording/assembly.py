@@ -59,28 +59,13 @@ class _PlacedSamples:
 
 
 class TrialAssembly:
-    """Processes what a link delivered, in order, and gathers what a score needs.
+    """Processes what a link delivered, in order, and gathers what a score needs."""
 
-    Parameters
-    ----------
-    node : int, optional
-        Node id of the object on a bus; by default the first that is heard.
-    trips : RecordedRoundTrips, optional
-        Learns what was sent, and the answers.
-    share : callable, optional
-        Returns which share of what was delivered has been fed, at least; 0 where that is not known.
-    """
-
-    def __init__(
-        self,
-        node: int | None = None,
-        trips: RecordedRoundTrips | None = None,
-        share: Callable[[], float] = lambda: 0.0,
-    ) -> None:
+    def __init__(self, node: int | None, trips: RecordedRoundTrips, share: Callable[[], float]) -> None:
         self.link = Link(node=node)
         self.assembler = SampleAssembler(MAX_RUNS)
         self.arrivals = SampleArrivals(self.assembler)
-        self.trips = trips or RecordedRoundTrips()
+        self.trips = trips
         self.samples = SampleGatherer(share)
         self.events: list[TimedEvent] = []
         self.temperatures_c: list[float] = []
@@ -221,9 +206,7 @@ def _arrivals(stretch: RawStretch, ends: IntArray) -> tuple[IntArray, IntArray]:
 
 def _joined(delivered: Iterable[RawStretch | AnyChunk]) -> Iterator[RawStretch | list[AnyChunk]]:
     """Put single chunks together: those of bytes end to end, those of CAN frames as :func:`grouped` does."""
-    for kind, items in groupby(
-        delivered, lambda item: type(item) if isinstance(item, RawStretch) or item.data else None
-    ):
+    for kind, items in groupby(delivered, _kind):
         if kind is RawStretch:
             yield from cast(Iterator[RawStretch], items)
             continue

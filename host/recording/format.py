@@ -77,61 +77,61 @@ float64 w 1
 
 def _checked(name: str, *fields: RosField) -> RosMessageType:
     """Make a type whose messages end with a CRC."""
-    return RosMessageType(name, (*fields, RosField("uint32", CRC_FIELD, "of the type's name and all before")))
+    crc = RosField("uint32", CRC_FIELD, "of the type's name and all before")
+    return RosMessageType(f"rotdrift_msgs/msg/{name}", (*fields, crc))
 
 
-INFO_TYPE = _checked(
-    "rotdrift_msgs/msg/Info",
-    RosField("uint64", "device_id"),
-    RosField("uint32", "boot_id", "differs after every reset"),
-    RosField("string", "firmware_version"),
-    RosField("uint16", "rate_hz", "orientation rate"),
-    RosField("string", "name"),
-    RosField("string", "sensor"),
-    RosField("string", "filter"),
-    RosField("string", "card", "the object's own card, JSON"),
-    RosField("uint8", "protocol_major"),
-    RosField("uint8", "protocol_minor"),
-)
-STATUS_TYPE = _checked(
-    "rotdrift_msgs/msg/Status",
-    RosField("uint64", "uptime_us", "device clock without wrap"),
-    RosField("string", "state"),
-    RosField("uint64", "samples_produced", "since boot"),
-    RosField("uint32", "samples_dropped", "of these, by the object itself"),
-    RosField("uint16", "battery_mv", "0 without a battery"),
-    RosField("float64", "temperature_c"),
-    RosField("float64[3]", "gyro_bias_dps", "deg/s, sensor axes"),
-    RosField("uint16", "errors", "bits, see the protocol"),
-)
-EVENT_TYPE = _checked(
-    "rotdrift_msgs/msg/Event",
-    RosField("uint32", "device_time_us", "wraps"),
-    RosField("string", "kind"),
-    RosField("uint16", "value", "button number or marker"),
-)
-ENDPOINT_TYPE = _checked(
-    "rotdrift_msgs/msg/Endpoint",
-    RosField("uint32", "number", "of the cycle that ends here; 0 for the first end point"),
-    RosField("float64", "time_s", "since the first sample"),
-    RosField("float64", "period_s", "since the end point before; NaN for the first"),
-    RosField("float64", "step_deg", "angle of the step; NaN for the first"),
-    RosField("float64", "theta_bar_deg", "rotation drift so far, provisional; NaN below two end points"),
-    RosField("string", "flags", "what is odd about it, separated by commas"),
-)
-ACTION_TYPE = _checked(
-    "rotdrift_msgs/msg/Action",
-    RosField("string", "kind", "marker, note, window-start, window-stop, exclude, include, finish, pause, ..."),
-    RosField("float64", "time_s", "newest sample at that moment, since the first sample; NaN before it"),
-    RosField("string", "text", "what was typed"),
-    RosField("float64", "from_s", "end point at the begin of the cycle that is meant; NaN where none is"),
-    RosField("float64", "to_s", "end point at its end"),
-)
-NOTE_TYPE = _checked(
-    "rotdrift_msgs/msg/Note",
-    RosField("string", "kind"),
-    RosField("string", "text"),
-)
+TYPES = {
+    INFO: _checked(
+        "Info",
+        RosField("uint64", "device_id"),
+        RosField("uint32", "boot_id", "differs after every reset"),
+        RosField("string", "firmware_version"),
+        RosField("uint16", "rate_hz", "orientation rate"),
+        RosField("string", "name"),
+        RosField("string", "sensor"),
+        RosField("string", "filter"),
+        RosField("string", "card", "the object's own card, JSON"),
+        RosField("uint8", "protocol_major"),
+        RosField("uint8", "protocol_minor"),
+    ),
+    STATUS: _checked(
+        "Status",
+        RosField("uint64", "uptime_us", "device clock without wrap"),
+        RosField("string", "state"),
+        RosField("uint64", "samples_produced", "since boot"),
+        RosField("uint32", "samples_dropped", "of these, by the object itself"),
+        RosField("uint16", "battery_mv", "0 without a battery"),
+        RosField("float64", "temperature_c"),
+        RosField("float64[3]", "gyro_bias_dps", "deg/s, sensor axes"),
+        RosField("uint16", "errors", "bits, see the protocol"),
+    ),
+    EVENT: _checked(
+        "Event",
+        RosField("uint32", "device_time_us", "wraps"),
+        RosField("string", "kind"),
+        RosField("uint16", "value", "button number or marker"),
+    ),
+    ENDPOINT: _checked(
+        "Endpoint",
+        RosField("uint32", "number", "of the cycle that ends here; 0 for the first end point"),
+        RosField("float64", "time_s", "since the first sample"),
+        RosField("float64", "period_s", "since the end point before; NaN for the first"),
+        RosField("float64", "step_deg", "angle of the step; NaN for the first"),
+        RosField("float64", "theta_bar_deg", "rotation drift so far, provisional; NaN below two end points"),
+        RosField("string", "flags", "what is odd about it, separated by commas"),
+    ),
+    NOTE: _checked("Note", RosField("string", "kind"), RosField("string", "text")),
+    ACTION: _checked(
+        "Action",
+        RosField("string", "kind", "marker, note, window-start, window-stop, exclude, include, finish, pause, ..."),
+        RosField("float64", "time_s", "newest sample at that moment, since the first sample; NaN before it"),
+        RosField("string", "text", "what was typed"),
+        RosField("float64", "from_s", "end point at the begin of the cycle that is meant; NaN where none is"),
+        RosField("float64", "to_s", "end point at its end"),
+    ),
+}
+"""Topic -> type of the messages that are made of values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,29 +141,15 @@ class Topic:
     name: str
     schema_name: str
     schema: bytes
-    type: RosMessageType | None = None
-    """How its messages are made; None for those with code of their own."""
 
 
 TOPICS = (
     Topic(RECEIVED, RAW_SCHEMA_NAME, RAW_SCHEMA),
     Topic(SENT, RAW_SCHEMA_NAME, RAW_SCHEMA),
     Topic(ORIENTATION, QUATERNION_SCHEMA_NAME, QUATERNION_SCHEMA),
-    *(
-        Topic(name, kind.name, kind.definition, kind)
-        for name, kind in (
-            (INFO, INFO_TYPE),
-            (STATUS, STATUS_TYPE),
-            (EVENT, EVENT_TYPE),
-            (ENDPOINT, ENDPOINT_TYPE),
-            (NOTE, NOTE_TYPE),
-            (ACTION, ACTION_TYPE),
-        )
-    ),
+    *(Topic(name, kind.name, kind.definition) for name, kind in TYPES.items()),
 )
 """Every channel, in the order in which a recording declares them."""
-TYPES = {topic.name: topic.type for topic in TOPICS if topic.type is not None}
-"""Topic -> type of the messages that are made of values."""
 
 _RAW_HEAD = struct.Struct("<4sQIB3xI")
 _CRC_HEAD = struct.Struct("<QB")

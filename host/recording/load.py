@@ -90,10 +90,11 @@ def assemble(
     share : callable, optional
         Returns which share of ``delivered`` has come, at least; 0 where that is not known.
     """
+    trips = trips or RecordedRoundTrips()
     assembly = TrialAssembly(node, trips, share)
     assembly.feed(delivered)
     assembly.finish()
-    assembler, arrivals, round_trips = assembly.assembler, assembly.arrivals, assembly.trips.round_trips()
+    assembler, arrivals, round_trips = assembly.assembler, assembly.arrivals, trips.round_trips()
     notes = [
         f"{segment.reason} at {segment.time_s:.1f} s: later samples are placed by the host's clock"
         for segment in assembler.segments[1:]
@@ -117,14 +118,7 @@ def assemble(
 
 
 def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
-    """Read a recording.
-
-    Parameters
-    ----------
-    path : Path
-        The ``.mcap`` file; cut ones are read up to the cut.
-    continuation : bytes
-        Records that could not be written, from the capture that just ended.
+    """Read a recording, a cut one up to the cut; ``continuation`` are the records that its capture could not write.
 
     Raises
     ------
@@ -155,7 +149,7 @@ def _delivered(
             elif len(actions) < MAX_EVENTS:
                 actions.append(action_of(item.values()))
         except (ValueError, KeyError) as error:
-            reader.damage.append(f"a record of {item.topic} is damaged ({error}) and left out")
+            reader.note_damaged(item.topic, error)
 
 
 def _node(header: RecordingHeader) -> int | None:

@@ -90,14 +90,7 @@ def is_our_recording(path: Path) -> bool:
 
 
 class RecordingReader:
-    """A recording on disk.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    continuation : bytes
-        Records that belong after the end of the file, because they could not be written.
+    """A recording on disk, and behind its end the records that could not be written (``continuation``).
 
     Raises
     ------
@@ -132,32 +125,27 @@ class RecordingReader:
         wanted = {fmt.RECEIVED, *topics}
         for topic, body, run in self._chosen(wanted):
             if run is None:
-                yield from self._alone(topic, body)
+                yield from self._chunk(topic, body) if topic == fmt.RECEIVED else (_recorded(topic, body),)
                 continue
             raw = [channel for channel, name in self._channels.items() if name == fmt.RECEIVED]
             received = on_channels(run.channels, raw)
             for channel, start, end in run.where(~received).places():
-                yield from self._alone(self._channels[channel], body[start:end])
+                yield _recorded(self._channels[channel], body[start:end])
             chunks = run.where(received)
             for item in raw_stretches(body, chunks.starts, chunks.ends):
                 if isinstance(item, fmt.DamagedMessageError):
-                    self._note_damaged(fmt.RECEIVED, item)
+                    self.note_damaged(fmt.RECEIVED, item)
                 else:
                     yield item
-
-    def _alone(self, topic: str, body: memoryview) -> Iterator[AnyChunk | RecordedMessage]:
-        if topic == fmt.RECEIVED:
-            yield from self._chunk(topic, body)
-        else:
-            yield _recorded(topic, body)
 
     def _chunk(self, topic: str, body: memoryview) -> Iterator[AnyChunk]:
         try:
             yield fmt.decode_raw(bytes(body[_MESSAGE.size :]), topic)
         except fmt.DamagedMessageError as error:
-            self._note_damaged(topic, error)
+            self.note_damaged(topic, error)
 
-    def _note_damaged(self, topic: str, error: Exception) -> None:
+    def note_damaged(self, topic: str, error: Exception) -> None:
+        """Note among :attr:`damage` that a record is left out."""
         self.damage.append(f"a record of {topic} is damaged ({error}) and left out")
 
     def messages(self, topics: Iterable[str] | None = None) -> Iterator[RecordedMessage]:
@@ -204,10 +192,9 @@ class RecordingReader:
         with self._open() as file:
             for kind, body, _ in self._records(file, HEADER_BLOCK_BYTES):
                 self._note_channel(kind, body)
-                if kind == Opcode.METADATA:
-                    header = _parse_header(bytes(body))
-                    if header is not None:
-                        return header
+                header = parse_header(bytes(body)) if kind == Opcode.METADATA else None
+                if header is not None:
+                    return header
                 if kind == Opcode.MESSAGE and fmt.RECEIVED not in self._channels.values():
                     break
         if fmt.RECEIVED in self._channels.values():
@@ -317,12 +304,13 @@ def _recorded(topic: str, body: memoryview) -> RecordedMessage:
     return RecordedMessage(topic, bytes(body[_MESSAGE.size :]), time_ns)
 
 
-def parse_header(metadata: Metadata) -> RecordingHeader | None:
+def parse_header(body: bytes) -> RecordingHeader | None:
     """Return what is in a metadata record of ours; None where it is another, or damaged."""
-    values = metadata.metadata
-    if metadata.name != fmt.METADATA_NAME or values.get("crc32") not in {None, fmt.metadata_crc(values)}:
-        return None
     try:
+        metadata = Metadata.read(ReadDataStream(io.BytesIO(body)))
+        values = metadata.metadata
+        if metadata.name != fmt.METADATA_NAME or values.get("crc32") not in {None, fmt.metadata_crc(values)}:
+            return None
         return RecordingHeader(
             version=values["version"],
             link=values["link"],
@@ -330,12 +318,5 @@ def parse_header(metadata: Metadata) -> RecordingHeader | None:
             monotonic_ns=int(values["monotonic_ns"]),
             settings=json.loads(values["settings"]),
         )
-    except _PARSE_ERRORS:
-        return None
-
-
-def _parse_header(body: bytes) -> RecordingHeader | None:
-    try:
-        return parse_header(Metadata.read(ReadDataStream(io.BytesIO(body))))
-    except _PARSE_ERRORS:
+    except Exception:  # noqa: BLE001 - the library raises whatever damaged bytes make it raise
         return None

@@ -7,18 +7,15 @@ out, what comes after it is found all the same.
 
 from __future__ import annotations
 
-import io
 import struct
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Metadata
 
 from host.errors import FileError, unreadable
 from host.links.transport import AnyChunk
@@ -81,8 +78,9 @@ def recover(source: Path, target: Path) -> Recovery:
         Nothing can be found, or the new file cannot be written.
     """
     header, messages = salvage(source)
-    first = next(messages, None)
-    head = header or _made_up(first)
+    head, first = header, next(messages, None)
+    if head is None and first is not None:  # the date from the first whole record
+        head = RecordingHeader("", "", first.time_ns, 0 if first.chunk is None else first.chunk.host_time_ns)
     if head is None:
         raise FileError(f"{source} holds no whole record of a recording", "give a file that `rotdrift capture` wrote")
     # The source's own numbers stay in the notes: a recovered recording shows what it is.
@@ -92,8 +90,7 @@ def recover(source: Path, target: Path) -> Recovery:
         # A capture killed before its first flush leaves a header and nothing else: that is a recording too.
         for message in chain([] if first is None else [first], messages):
             copier.copy(message)
-        copier.finish()
-        found = replace(copier.result(), header_found=header is not None)
+        found = copier.finish(header_found=header is not None)
         writer.add_note("recovered", f"from {source.name}: {'; '.join(found.sentences())}", copier.last_ns)
     finally:
         problems: list[str] = []
@@ -127,10 +124,6 @@ class _Copier:
             self.last_ns = chunk.host_time_ns
         self._writer.flush_if_due(self.last_ns)
 
-    def finish(self) -> None:
-        """Copy what the decoder still holds."""
-        add_views(self._writer, self._trial.finish(), self.last_ns)
-
     def _count(self, message: SalvagedMessage) -> None:
         """Count what is missing by the records' own numbers; a number far off is damage itself and passed over."""
         self._counts[message.topic] += 1
@@ -142,7 +135,9 @@ class _Copier:
         else:
             self._next[message.topic] = expected + 1
 
-    def result(self) -> Recovery:
+    def finish(self, *, header_found: bool) -> Recovery:
+        """Copy what the decoder still holds; return what was found."""
+        add_views(self._writer, self._trial.finish(), self.last_ns)
         return Recovery(
             chunks=self._counts[fmt.RECEIVED],
             sent=self._counts[fmt.SENT],
@@ -150,16 +145,8 @@ class _Copier:
             notes=self._counts[fmt.NOTE],
             missing_chunks=self._missing[fmt.RECEIVED],
             missing_others=self._missing[fmt.SENT] + self._missing[fmt.ACTION] + self._missing[fmt.NOTE],
-            header_found=True,
+            header_found=header_found,
         )
-
-
-def _made_up(first: SalvagedMessage | None) -> RecordingHeader | None:
-    """Make a header for a file whose own is gone: the date from the first whole record; None where there is none."""
-    if first is None:
-        return None
-    monotonic_ns = 0 if first.chunk is None else first.chunk.host_time_ns
-    return RecordingHeader("", "", first.time_ns, monotonic_ns)
 
 
 MAX_FILE_BYTES = 8 * 2**30
@@ -212,11 +199,7 @@ def _find_header(data: bytes) -> RecordingHeader | None:
     name = struct.pack("<I", len(fmt.METADATA_NAME)) + fmt.METADATA_NAME.encode()
     at = data.find(name)
     while at >= 0:
-        try:
-            metadata = Metadata.read(ReadDataStream(io.BytesIO(data[at : at + 65536])))
-            header = parse_header(metadata)
-        except Exception:  # noqa: BLE001 - the library raises whatever damaged bytes make it raise
-            header = None
+        header = parse_header(data[at : at + 65536])
         if header is not None:
             return header
         at = data.find(name, at + 1)

@@ -62,6 +62,7 @@ class RecordingWriter:
         settings: dict[str, Any] | None = None,
         max_kept_bytes: int = MAX_KEPT_BYTES,
     ) -> None:
+        self.path = path
         self._sink = RecordingSink(path, max_kept_bytes)
         self._wall_minus_monotonic_ns = wall_time_ns - monotonic_ns
         self._flushed_ns = monotonic_ns
@@ -97,11 +98,6 @@ class RecordingWriter:
             )
         self._counts = dict.fromkeys(self._channels, 0)
         self._writer.flush()
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._sink.path
 
     @property
     def n_bytes(self) -> int:
@@ -155,8 +151,9 @@ class RecordingWriter:
         for stamp_ns, q_wxyz in zip(stamps_ns.tolist(), quats_wxyz.tolist(), strict=True):  # plain numbers pack faster
             self._add(fmt.ORIENTATION, fmt.encode_quaternion(self.wall_ns(stamp_ns), q_wxyz), host_time_ns)
 
-    def add_packet(self, topic: str, packet: Info | Status | Event, host_time_ns: int) -> None:
-        """Record a rare packet (INFO, STATUS, EVENT)."""
+    def add_packet(self, packet: Info | Status | Event, host_time_ns: int) -> None:
+        """Record a rare packet."""
+        topic = fmt.INFO if isinstance(packet, Info) else fmt.STATUS if isinstance(packet, Status) else fmt.EVENT
         self.add_values(topic, fmt.packet_values(packet), host_time_ns)
 
     def add_values(self, topic: str, values: dict[str, Any], host_time_ns: int) -> None:
@@ -177,10 +174,7 @@ class RecordingWriter:
     def close(self, report: Callable[[str], None] | None = None) -> None:
         """Finish the file: statistics, index, footer; restore it when it was deleted meanwhile.
 
-        Parameters
-        ----------
-        report : callable
-            Called with a sentence on what could not be saved.
+        ``report`` is called with a sentence on what could not be saved.
         """
         if self._sink.closed:
             return

@@ -24,7 +24,7 @@ def found(chunks, sent):
     trips = RecordedRoundTrips()
     for data, at_ns in sent:
         trips.feed_sent(data, at_ns)
-    TrialAssembly(trips=trips).feed(chunks)
+    TrialAssembly(None, trips, lambda: 0.0).feed(chunks)
     result = trips.round_trips()
     return [column.tolist() for column in (result.sent_ns, result.receive_us, result.transmit_us, result.received_ns)]
 

@@ -32,8 +32,8 @@ def recording(tmp_path):
             np.array([chunk.host_time_ns]), np.array([[0.5, 0.5, -0.5, 0.5]]), chunk.host_time_ns
         )
     with_writer.add_sent(b"\x00command\x00", MONO + 7)
-    with_writer.add_packet(fmt.INFO, Info(device_id=2**64 - 1, boot_id=3, name="cube \x1b[2J"), MONO + 8)
-    with_writer.add_packet(fmt.STATUS, Status(uptime_us=5), MONO + 9)
+    with_writer.add_packet(Info(device_id=2**64 - 1, boot_id=3, name="cube \x1b[2J"), MONO + 8)
+    with_writer.add_packet(Status(uptime_us=5), MONO + 9)
     with_writer.add_note("warning", "the hand stopped", MONO + 10)
     with_writer.close()
     return path

@@ -9,7 +9,7 @@ from emulator.faults.definitions import FaultSettings
 from firmware_protocol.can.frames import pack_frames
 from firmware_protocol.packets import Info, OrientationBatch
 from host.links.transport import Chunk, FrameChunk
-from host.recording.arrivals import SampleArrivals, offline_clock
+from host.recording.arrivals import RecordedRoundTrips, SampleArrivals, offline_clock
 from host.recording.assembly import TrialAssembly
 from host.recording.load import assemble
 from host.results.result import ScoreOptions, score_trial
@@ -21,7 +21,7 @@ from tests.recorded_trials import scenario, virtual_chunks
 
 
 def gathered(chunks):
-    assembly = TrialAssembly()
+    assembly = TrialAssembly(None, RecordedRoundTrips(), lambda: 0.0)
     assembly.feed(chunks)
     return assembly.arrivals
 
