@@ -7,7 +7,7 @@ whole recording afterwards (:mod:`host.results.result`).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from analysis.cycles.online.detector import OnlineCycleDetector
 from analysis.scoring.recorded_parts import LiveClock
 from analysis.sensor.baseline import StaticBaseline
 from firmware_protocol.items import StreamItem
-from firmware_protocol.packets import Event, OrientationBatch
+from firmware_protocol.packets import OrientationBatch
 from host.clock.estimate import ClockEstimate
 from host.clock.estimator import ClockEstimator
 from host.links.transport import AnyChunk
@@ -49,10 +49,8 @@ class TrialUpdate:
     """Whether samples are among them, whosever they are."""
     decoded: list[DecodedBatch]
     """Samples that have found their place; those held back come when it is known whose they are."""
-    cycles: list[CycleRow] = field(default_factory=list)
+    cycles: list[CycleRow]
     """Cycles confirmed by this chunk."""
-    events: list[tuple[Event, float | None]] = field(default_factory=list)
-    """Events with their place on the time axis, s."""
 
 
 class Trial:
@@ -87,7 +85,8 @@ class Trial:
         self._sensor = SensorWatch(baseline)
         self._turning = Turning()
         self._withdrawn = self._runs = 0  # of the detector, as last seen
-        self._newest_s = 0.0
+        self.newest_s = 0.0
+        """Newest time on the time axis, s; 0 before the first sample."""
         self._sampled_ns: int | None = None  # when the last sample came, also one that has no place yet
         self._heard_ns = 0  # when the newest chunk was received
         self.reconnects = 0
@@ -113,11 +112,6 @@ class Trial:
         """The motion's period as far as known."""
         return self._detector.period_s or None
 
-    @property
-    def newest_s(self) -> float:
-        """Newest time on the time axis, s; 0 before the first sample."""
-        return self._newest_s
-
     def feed(self, chunk: AnyChunk) -> TrialUpdate:
         """Process one chunk; an empty one means that the link was opened again."""
         if chunk.data:
@@ -142,9 +136,8 @@ class Trial:
         for block in self.assembler.feed(items, self._heard_ns):
             self._rate.add(len(block), self._heard_ns)
             cycles += self._feed_block(block)
-        events = [(item, self.assembler.locate_s(item, self._heard_ns)) for item in items if isinstance(item, Event)]
         decoded, self._decoded = self._decoded, []
-        return TrialUpdate(items, sampled, decoded, cycles, events)
+        return TrialUpdate(items, sampled, decoded, cycles)
 
     def feed_round_trips(self, trips: Iterable[RoundTrip]) -> None:
         """Take answers to TIME_REQUEST into the clock estimate."""
@@ -169,8 +162,8 @@ class Trial:
         self._decoded.append(DecodedBatch(stamps_ns, samples.quats_wxyz))
 
     def _feed_block(self, block: SampleBlock) -> list[CycleRow]:
-        self._newest_s = max(self._newest_s, float(block.time_s.max()))
-        self._sensor.feed(block, self._newest_s)
+        self.newest_s = max(self.newest_s, float(block.time_s.max()))
+        self._sensor.feed(block, self.newest_s)
         pose = float(block.time_s[-1]), block.quats_wxyz[-1]
         if self._turning.feed(*pose):
             self._sensor.feed_pose(*pose)
@@ -194,7 +187,7 @@ class Trial:
         online = self._detector.state
         running = "running" if self.n_endpoints > 1 else "waiting for cycles"
         return MotionView(
-            phase=running if self._sensor.has_samples else "no data",
+            phase=running if self.assembler.segments else "no data",
             moving=online.moving,
             period_s=self.period_s,
             swing_deg=online.swing_deg or None,
@@ -207,7 +200,7 @@ class Trial:
     def sensor_view(self) -> SensorView:
         """Return what is known of the object and its sensor now."""
         assembler = self.assembler
-        return self._sensor.view(assembler.info, assembler.status, self._newest_s, self.period_s, self.n_endpoints)
+        return self._sensor.view(assembler.info, assembler.status, self.newest_s, self.period_s, self.n_endpoints)
 
     def stream_view(self, now_ns: int) -> StreamView:
         """Return what came over the link until ``now_ns``, monotonic (of a replay: the recording's)."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from analysis.scoring.result_parts import ExcludedCycle
@@ -38,13 +38,7 @@ class OperatorAction:
 
     def values(self) -> dict[str, Any]:
         """Return the values of its message in a recording."""
-        return {
-            "kind": self.kind,
-            "time_s": self.time_s,
-            "text": plain(self.text, MAX_TEXT),
-            "from_s": self.from_s,
-            "to_s": self.to_s,
-        }
+        return asdict(self) | {"text": plain(self.text, MAX_TEXT)}
 
 
 def action_of(values: dict[str, Any]) -> OperatorAction:
@@ -64,18 +58,12 @@ class OperatorEdits:
 
     window: tuple[float | None, float | None] | None = None
     """(from, to), s since the first sample; None where everything counts."""
-    excluded: tuple[ExcludedCycle, ...] = field(default=())
+    excluded: tuple[ExcludedCycle, ...] = ()
     """Cycles left out, oldest first."""
 
 
 def edits_of(actions: Iterable[OperatorAction]) -> OperatorEdits:
-    """Put the actions of a recording together: the last word on window and cycles counts.
-
-    Parameters
-    ----------
-    actions : iterable of OperatorAction
-        In the order in which they happened.
-    """
+    """Put the actions of a recording, in their order, together: the last word on window and cycles counts."""
     window: tuple[float | None, float | None] | None = None
     excluded: dict[tuple[float, float], ExcludedCycle] = {}
     for action in actions:

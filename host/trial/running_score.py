@@ -12,7 +12,7 @@ from analysis.cycles.settings import Endpoint
 from analysis.geometry import rotations
 from analysis.scoring.card import rotation_drift
 from analysis.scoring.interval import MIN_STEPS, DriftInterval, drift_interval, steps_needed
-from host.trial.state import MISSED, OUTSIDE, CycleRow, WindowView
+from host.trial.state import MISSED, OUTSIDE, CycleRow, Quaternion, WindowView, plain_quaternion
 
 MAX_ROWS = 200
 """Cycles kept as rows; the score is of all."""
@@ -23,13 +23,7 @@ MISSED_PERIODS = 1.6
 
 
 class RunningScore:
-    """End points and what they come to so far.
-
-    Parameters
-    ----------
-    target_half_width_deg : float, optional
-        Half-width of the interval that is aimed at.
-    """
+    """End points and what they come to so far; the target is the half-width of the interval that is aimed at."""
 
     def __init__(self, target_half_width_deg: float | None = None) -> None:
         self._target_deg = target_half_width_deg
@@ -43,7 +37,7 @@ class RunningScore:
         self.interval: DriftInterval | None = None
         self.n_endpoints = 0
         """End points that count: in the window, less one for every cycle left out."""
-        self.origin_wxyz: tuple[float, float, float, float] | None = None
+        self.origin_wxyz: Quaternion | None = None
         """Orientation at the first end point that counts."""
 
     @property
@@ -60,12 +54,10 @@ class RunningScore:
         return None if needed is None else max(0, needed - self.interval.n_steps)
 
     def enter(self, endpoint: Endpoint, over_gap: bool = False) -> CycleRow:
-        """Enter an end point; return its row.
+        """Enter the next end point; return its row.
 
         Parameters
         ----------
-        endpoint : Endpoint
-            The next.
         over_gap : bool
             Whether samples are missing since the one before. If more than a cycle went by, end points were missed, and
             the step over them is no step: it does not count here. The offline search may find them yet.
@@ -92,7 +84,7 @@ class RunningScore:
             step_axis=axis,
             theta_bar_deg=self.theta_bar_deg,
             flags=tuple(endpoint.flags),
-            quat_wxyz=_four(quat),
+            quat_wxyz=plain_quaternion(quat),
             excluded=self._reason(number),
         )
         self._rows.append(row)
@@ -142,12 +134,10 @@ class RunningScore:
         )
 
     def _step_inside(self, number: int) -> bool:
-        return self._inside(number - 1) and self._inside(number)
+        return self._inside(max(number - 1, 0)) and self._inside(number)
 
     def _reason(self, number: int) -> str:
-        if number in self._left_out:
-            return self._left_out[number]
-        return "" if self._inside(number) and (number == 0 or self._inside(number - 1)) else OUTSIDE
+        return self._left_out.get(number) or ("" if self._step_inside(number) else OUTSIDE)
 
     def _edited(self) -> None:
         self._score(always=True)
@@ -157,7 +147,7 @@ class RunningScore:
         inside = [k for k in range(len(self._quats)) if self._inside(k)]
         left_out = [k - 1 - inside[0] for k in self._left_out if self._step_inside(k)] if inside else []
         self.n_endpoints = len(inside) - len(left_out)
-        self.origin_wxyz = _four(self._quats[inside[0]]) if inside else None
+        self.origin_wxyz = plain_quaternion(self._quats[inside[0]]) if inside else None
         n_steps = len(inside) - 1 - len(left_out)
         if n_steps < 1:
             self.theta_bar_deg = self.interval = None
@@ -173,10 +163,5 @@ class RunningScore:
 def _axis(step: npt.NDArray[np.float64], step_rad: float) -> tuple[float, float, float] | None:
     if step_rad < 1e-9:
         return None
-    x, y, z = (float(part) for part in step / step_rad)
+    x, y, z = (step / step_rad).tolist()
     return x, y, z
-
-
-def _four(quat: npt.NDArray[np.float64]) -> tuple[float, float, float, float]:
-    w, x, y, z = (float(part) for part in quat)
-    return w, x, y, z

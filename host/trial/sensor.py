@@ -15,91 +15,52 @@ from analysis.series import OrientationSeries
 from firmware_protocol.packets import Info, OrientationFlag, Status
 from host.stream.blocks import SampleBlock
 from host.text import plain
-from host.trial.state import SensorView
+from host.trial.state import SensorView, plain_quaternion
 
 SATURATION_S = 1.0
 """How long a saturated sample is shown."""
-POSE_S = 0.03
-"""A pose is kept every so often."""
 MAX_POSES = 4000
 """Two minutes: of a longer rest the end counts."""
 
 
-class FirstRest:
-    """The rest before the motion: poses until the first end point is known."""
-
-    def __init__(self) -> None:
-        self._poses: deque[tuple[float, npt.NDArray[np.float64]]] = deque(maxlen=MAX_POSES)
-
-    def feed(self, time_s: float, quat_wxyz: npt.NDArray[np.float64]) -> None:
-        """Keep a pose; one that is earlier than, or too close to, the one before is passed over."""
-        if not self._poses or time_s - self._poses[-1][0] >= POSE_S:
-            self._poses.append((time_s, quat_wxyz))
-
-    def baseline(self) -> StaticBaseline | None:
-        """Measure the sensor by the rests among the poses; None where none lasted 3 s."""
-        if len(self._poses) < 2:
-            return None
-        times_s, quats = zip(*self._poses, strict=True)
-        series = OrientationSeries(np.array(times_s), np.array(quats), np.arange(len(times_s)))
-        return baseline_from_holds(still_holds(series))
-
-
 class SensorWatch:
-    """Follows the sensor of one trial.
+    """Follows the sensor of one trial; without a baseline, it is measured in the rest before the motion."""
 
-    Parameters
-    ----------
-    baseline : StaticBaseline, optional
-        Of the sensor; by default from the rest before the motion, if there is one.
-    """
-
-    def __init__(self, baseline: StaticBaseline | None = None) -> None:
+    def __init__(self, baseline: StaticBaseline | None) -> None:
         self._baseline = baseline
-        self._rest = FirstRest() if baseline is None else None  # until the first end point
+        self._resting = baseline is None  # until the first end point
+        self._poses: deque[tuple[float, npt.NDArray[np.float64]]] = deque(maxlen=MAX_POSES)  # of the rest
         self._floor_known = baseline is not None  # a short rest shows the drift, but no floor
         self._saturated_s = -math.inf
         self._last: SampleBlock | None = None
 
-    @property
-    def has_samples(self) -> bool:
-        """Whether samples have come."""
-        return self._last is not None
-
     def feed(self, block: SampleBlock, newest_s: float) -> None:
-        """Take samples into account; ``newest_s`` is the newest time on the time axis so far."""
+        """Note samples; ``newest_s`` is the newest time on the time axis so far."""
         self._last = block
         if np.any(block.flags & OrientationFlag.SATURATED):
             self._saturated_s = newest_s
 
     def feed_pose(self, time_s: float, quat_wxyz: npt.NDArray[np.float64]) -> None:
-        """Take a pose into account: before the motion it may be one of a rest."""
-        if self._rest is not None:
-            self._rest.feed(time_s, quat_wxyz)
+        """Note one of the poses that :class:`host.trial.turning.Turning` keeps: it may be of the rest."""
+        if self._resting:
+            self._poses.append((time_s, quat_wxyz))
 
     def end_rest(self) -> None:
-        """Measure the rest: the motion has begun."""
-        if self._rest is not None:
-            self._baseline, self._rest = self._rest.baseline(), None
+        """Measure the rests among the poses, if any lasted 3 s: the motion has begun."""
+        if self._resting and len(self._poses) > 1:
+            times_s, quats = zip(*self._poses, strict=True)
+            series = OrientationSeries(np.array(times_s), np.array(quats), np.arange(len(times_s)))
+            self._baseline = baseline_from_holds(still_holds(series))
             self._floor_known = self._baseline is not None and self._baseline.duration_s >= MIN_REST_FOR_FLOOR_S
+        self._resting = False
+        self._poses.clear()
 
     def view(
         self, info: Info | None, status: Status | None, newest_s: float, period_s: float | None, n_endpoints: int
     ) -> SensorView:
-        """Return what is known of the object and its sensor now.
-
-        Parameters
-        ----------
-        info, status : Info, Status
-            The object's last, None without.
-        newest_s : float
-            Newest time on the time axis.
-        period_s, n_endpoints : float, int
-            Of the motion so far: what the floor depends on.
-        """
+        """Return what is known of the object and its sensor now; the floor depends on the motion so far."""
         block, baseline = self._last, self._baseline
         flags = None if block is None else OrientationFlag(int(block.flags[-1]))
-        w, x, y, z = (None,) * 4 if block is None else map(float, block.quats_wxyz[-1])
         floor_deg = None
         if baseline is not None and self._floor_known and period_s is not None:
             floor_deg = baseline.detectable_deg(period_s, max(2, n_endpoints))
@@ -113,5 +74,5 @@ class SensorWatch:
             battery_v=status.battery_mv / 1000 if status is not None and status.battery_mv else None,
             heading_deg_per_min=None if baseline is None else baseline.total_rate_deg_per_min,
             floor_deg=floor_deg,
-            orientation_wxyz=None if w is None or x is None or y is None or z is None else (w, x, y, z),
+            orientation_wxyz=None if block is None else plain_quaternion(block.quats_wxyz[-1]),
         )

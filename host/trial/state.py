@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 
+import numpy as np
+import numpy.typing as npt
+
 from firmware_protocol.items import StreamCounters
 from host.losses.ledger import LossReport
 
@@ -18,6 +21,12 @@ REST_DPS, MOVING_DPS = 1.5, 3.0
 """Turning rates below which the object is at rest, and above which it is moved."""
 OUTSIDE, MISSED = "outside the trial window", "cycles were missed"
 """Reasons why a cycle does not count that are not the operator's own words."""
+
+
+def plain_quaternion(quat_wxyz: npt.NDArray[np.float64]) -> Quaternion:
+    """Return a quaternion (4,) as plain numbers."""
+    w, x, y, z = quat_wxyz.tolist()
+    return w, x, y, z
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +47,7 @@ class CycleRow:
     """θ̄ of all end points so far; None below two."""
     flags: tuple[str, ...] = ()
     """What is odd about it."""
-    quat_wxyz: tuple[float, float, float, float] | None = None
+    quat_wxyz: Quaternion | None = None
     """Orientation at the end point, body to world."""
     excluded: str = ""
     """Why the cycle does not count: the operator's reason, :data:`OUTSIDE` or :data:`MISSED`; else empty."""
@@ -187,7 +196,7 @@ class SensorView:
     calibrated: bool | None = None
     temperature_c: float | None = None
     battery_v: float | None = None
-    orientation_wxyz: tuple[float, float, float, float] | None = None
+    orientation_wxyz: Quaternion | None = None
     """Last orientation, body to world."""
     heading_deg_per_min: float | None = None
     """The sensor's own drift, from its static baseline; None without one."""
