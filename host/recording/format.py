@@ -208,17 +208,9 @@ def decode_raw(message: bytes, topic: str = RECEIVED) -> AnyChunk:
 
 
 def encode_quaternion(stamp_ns: int, q_wxyz: Sequence[float]) -> bytes:
-    """Make the CDR bytes of a ``geometry_msgs/msg/QuaternionStamped``.
-
-    Parameters
-    ----------
-    stamp_ns : int
-        Wall clock, ns since 1970.
-    q_wxyz : four floats
-        Unit quaternion, scalar first, body to world; ROS stores x, y, z, w.
-    """
+    """Make the CDR bytes of a ``geometry_msgs/msg/QuaternionStamped``; ``stamp_ns`` is a date, ns since 1970."""
     seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
-    w, x, y, z = q_wxyz
+    w, x, y, z = q_wxyz  # ROS stores the scalar last
     return _QUATERNION.pack(CDR_LITTLE_ENDIAN, seconds, nanoseconds, len(_WORLD_BYTES), _WORLD_BYTES, x, y, z, w)
 
 

@@ -122,8 +122,7 @@ class RecordingReader:
 
         The chunks of a byte link come end to end; empty ones and those of CAN frames one by one.
         """
-        wanted = {fmt.RECEIVED, *topics}
-        for topic, body, run in self._chosen(wanted):
+        for topic, body, run in self._chosen({fmt.RECEIVED, *topics}):
             if run is None:
                 yield from self._chunk(topic, body) if topic == fmt.RECEIVED else (_recorded(topic, body),)
                 continue
@@ -148,12 +147,12 @@ class RecordingReader:
         """Note among :attr:`damage` that a record is left out."""
         self.damage.append(f"a record of {topic} is damaged ({error}) and left out")
 
-    def messages(self, topics: Iterable[str] | None = None) -> Iterator[RecordedMessage]:
-        """Yield the messages on some topics (all without ``topics``), in the order of the file."""
-        for topic, body in self._wanted(None if topics is None else set(topics)):
+    def messages(self, topics: Iterable[str]) -> Iterator[RecordedMessage]:
+        """Yield the messages on some topics, in the order of the file."""
+        for topic, body in self._wanted(set(topics)):
             yield _recorded(topic, body)
 
-    def _wanted(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview]]:
+    def _wanted(self, topics: set[str]) -> Iterator[tuple[str, memoryview]]:
         """Yield topic and body of the messages on some topics; the others are skipped many at a time."""
         for topic, body, run in self._chosen(topics):
             if run is None:
@@ -162,7 +161,7 @@ class RecordingReader:
                 for channel, start, end in run.places():
                     yield self._channels[channel], body[start:end]
 
-    def _chosen(self, topics: set[str] | None) -> Iterator[tuple[str, memoryview, MessageRun | None]]:
+    def _chosen(self, topics: set[str]) -> Iterator[tuple[str, memoryview, MessageRun | None]]:
         """Yield topic and body of single messages; or the block, and where in it lie messages on some topics."""
         self.damage.clear()
         if self._headless:
@@ -170,23 +169,18 @@ class RecordingReader:
         with self._open() as file:
             for kind, body, run in self._records(file):
                 if run is not None:
-                    names = {
-                        channel: name for channel, name in self._channels.items() if topics is None or name in topics
-                    }
-                    if not names:
-                        continue
-                    chosen = run.on(names)
-                    yield "", body, MessageRun(chosen.starts + _FRAME.size, chosen.ends, chosen.channels)
-                    continue
-                if kind != Opcode.MESSAGE:
+                    channels = [channel for channel, name in self._channels.items() if name in topics]
+                    if channels:
+                        chosen = run.on(channels)
+                        yield "", body, MessageRun(chosen.starts + _FRAME.size, chosen.ends, chosen.channels)
+                elif kind != Opcode.MESSAGE:
                     self._note_channel(kind, body)
-                    continue
-                if len(body) < _MESSAGE.size:
+                elif len(body) < _MESSAGE.size:
                     self.damage.append("a message shorter than its header is left out")
-                    continue
-                topic = self._channels.get(_MESSAGE.unpack_from(body)[0])
-                if topic is not None and (topics is None or topic in topics):
-                    yield topic, body, None
+                else:
+                    topic = self._channels.get(_MESSAGE.unpack_from(body)[0])
+                    if topic in topics:
+                        yield topic, body, None
 
     def _read_header(self) -> RecordingHeader:
         with self._open() as file:

@@ -90,17 +90,9 @@ class RecordingSink:
             self.flush_pending()
 
     def flush_pending(self, now_ns: int | None = None) -> bool:
-        """Hand everything to the system; on failure keep it and try again a second later.
+        """Hand everything to the system; return whether nothing is left in memory.
 
-        Parameters
-        ----------
-        now_ns : int, optional
-            Monotonic time; without it a failing disk is tried at once.
-
-        Returns
-        -------
-        bool
-            Whether nothing is left in memory.
+        On failure it is kept and tried again a second later; without ``now_ns``, monotonic, at once.
         """
         if now_ns is not None and self.problem and now_ns < self._retry_at_ns:
             return False
@@ -118,13 +110,7 @@ class RecordingSink:
         return True
 
     def sync_if_due(self, now_ns: int) -> None:
-        """Have what was handed to the system written to the disk, once a second and beside the capture: it may be slow.
-
-        Parameters
-        ----------
-        now_ns : int
-            Monotonic time.
-        """
+        """Have what was handed to the system written to the disk, once a second, beside the capture: it may be slow."""
         busy = self._syncing is not None and self._syncing.is_alive()
         if now_ns < self._sync_at_ns or busy or self.closed or self.bytes_synced == self._position:
             return
@@ -153,15 +139,12 @@ class RecordingSink:
 
     def restore(self) -> bool:
         """Write a deleted recording again from the still open file; never over another file."""
-        return self.removed() and not self.path.exists() and self._copy(self.path, b"")
+        return not self.path.exists() and self._copy(self.path, b"")
 
     def rescue(self, folders: Iterable[Path]) -> Path | None:
         """Write the whole recording, with what is in memory, to the first of other folders where that works.
 
-        Returns
-        -------
-        Path or None
-            Where it is now; None if nowhere.
+        Return where it is now; None if nowhere.
         """
         for folder in folders:
             path = folder / f"{self.path.stem}-rescued-{os.getpid()}{self.path.suffix}"

@@ -171,7 +171,7 @@ class RecordingWriter:
             self._sink.flush_pending(now_ns)
             self._sink.sync_if_due(now_ns)
 
-    def close(self, report: Callable[[str], None] | None = None) -> None:
+    def close(self, report: Callable[[str], object] = lambda _: None) -> None:
         """Finish the file: statistics, index, footer; restore it when it was deleted meanwhile.
 
         ``report`` is called with a sentence on what could not be saved.
@@ -181,13 +181,11 @@ class RecordingWriter:
         self._writer.finish()
         if not self._sink.flush_pending():
             rescued = self._sink.rescue((Path(tempfile.gettempdir()), Path.home()))
-            if report:
-                where = f"; the whole of it is {rescued}" if rescued else ""
-                report(f"the recording {self.path} is cut: {self._sink.problem}{where}")
+            where = f"; the whole of it is {rescued}" if rescued else ""
+            report(f"the recording {self.path} is cut: {self._sink.problem}{where}")
         if self._sink.removed():
-            restored = self._sink.restore()
-            if report:
-                report(f"the recording {self.path} was removed meanwhile" + (" and written again" if restored else ""))
+            restored = " and written again" if self._sink.restore() else ""
+            report(f"the recording {self.path} was removed meanwhile{restored}")
         self._sink.close()
 
     def _add(self, topic: str, message: bytes, host_time_ns: int) -> None:
