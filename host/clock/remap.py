@@ -26,7 +26,7 @@ FloatArray = npt.NDArray[np.float64]
 BLOCK_NS = SECOND_NS // 4
 """Steps are measured as if all chunks of so much host time had come with the last of them."""
 SHORT_S = 10.0
-"""Over less than this the skew of the longest segment is taken: a few seconds show no skew."""
+"""Over less than this the skew of the longest segment is used: a few seconds show no skew."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,7 +51,7 @@ def changes(values: npt.NDArray[Number], before: int) -> npt.NDArray[Number]:
 class ClockUnwrapper:
     """Unwraps ``device_time_us`` chunk by chunk; one for each object on a link.
 
-    It only says how far a chunk is explained. Whether what nothing explains is a reset, a step or another object, the
+    It only finds how far a chunk is explained. Whether what nothing explains is a reset, a step or another object, the
     caller decides (:class:`host.stream.samples.SampleAssembler`, and no one else), and calls :meth:`new_segment`.
 
     Wrong only if the two clocks part by more than the stated bounds, or if a reset brings the clock, by chance, to

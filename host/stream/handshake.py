@@ -44,7 +44,7 @@ class Handshake:
         if self._first_sample_ns is None:
             self._first_sample_ns = host_time_ns
 
-    def look(self, now_ns: int) -> Found:
+    def judge(self, now_ns: int) -> Found:
         """Return what the handshake has come to; ASK counts as asked."""
         if self._first_sample_ns is not None and now_ns - self._first_sample_ns > self._mute_s * 1e9:
             return Found.MUTE

@@ -18,7 +18,7 @@ class RoundTrip:
 
 
 class ClockRequests:
-    """The request in flight, one at a time (a late answer is worth nothing), and the answers since the last take."""
+    """The request in flight, one at a time (a late answer is worth nothing), and the answers not collected yet."""
 
     def __init__(self, period_s: float, now_ns: int) -> None:
         self._period_ns = period_s * 1e9

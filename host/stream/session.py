@@ -246,7 +246,7 @@ class Session:
             self.phase = Phase.STOPPED
 
     def _due_handshake(self, now_ns: int) -> None:
-        found = self._handshake.look(now_ns)
+        found = self._handshake.judge(now_ns)
         if found is Found.ASK:
             self._commands.post(GetInfo)
         elif found is Found.NOBODY:

@@ -140,7 +140,7 @@ class Trial:
         return TrialUpdate(items, sampled, decoded, cycles)
 
     def feed_round_trips(self, trips: Iterable[RoundTrip]) -> None:
-        """Take answers to TIME_REQUEST into the clock estimate."""
+        """Enter answers to TIME_REQUEST in the clock estimate."""
         for trip in trips:
             receive_us = self.assembler.locate_us(trip.receive_us, trip.received_ns)
             transmit_us = self.assembler.locate_us(trip.transmit_us, trip.received_ns)
