@@ -214,7 +214,9 @@ def _measured(unwrapped: IntArray, arrival: IntArray, known: list[int], starts: 
 
 def _small_steps(chunks: _Chunks, starts: list[int], settings: EstimatorSettings) -> tuple[list[ClockStep], bool]:
     """Find the steps that only the causal estimate can see, and whether the link is bursty."""
-    estimator, steps, start_set = ClockEstimator(settings), list[ClockStep](), set(starts)
+    estimator = ClockEstimator(settings)
+    steps: list[ClockStep] = []
+    start_set = set(starts)
     before_ns = bursty = 0
     columns = (chunks.first, chunks.newest_us, chunks.span_us, chunks.arrival_ns)
     for first, newest_us, span_us, arrival_ns in zip(*(column.tolist() for column in columns), strict=True):

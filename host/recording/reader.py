@@ -124,7 +124,10 @@ class RecordingReader:
         """
         for topic, body, run in self._chosen({fmt.RECEIVED, *topics}):
             if run is None:
-                yield from self._chunk(topic, body) if topic == fmt.RECEIVED else (_recorded(topic, body),)
+                if topic == fmt.RECEIVED:
+                    yield from self._chunk(topic, body)
+                else:
+                    yield _recorded(topic, body)
                 continue
             raw = [channel for channel, name in self._channels.items() if name == fmt.RECEIVED]
             received = on_channels(run.channels, raw)
