@@ -1,9 +1,11 @@
 """TIME_REQUEST and TIME_REPLY found again in a recording, whatever the chunks are, on serial lines and on CAN."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from firmware_protocol.can.frames import pack_frames
+from firmware_protocol.can.frames import FrameFlag, pack_frames
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import TimeReply, TimeRequest
 from firmware_protocol.serial.decoder import encode_command
@@ -55,6 +57,14 @@ def test_on_can_the_last_frame_of_the_reply_counts():
     sent_ns, _, transmit_us, received_ns = found([chunk], [(encode_packet(TimeRequest(7)), 5)])
     assert (sent_ns, transmit_us) == ([5], [5_000_050])
     assert received_ns == [frames[-1].host_time_ns]
+
+
+@pytest.mark.parametrize("flag", [FrameFlag.SENT, FrameFlag.ERROR, FrameFlag.REMOTE, FrameFlag.EXTENDED])
+def test_on_can_a_later_frame_that_is_no_reply_does_not_count(flag):
+    frames = timed(object_at(), [encode_packet(REPLIES[0])], period_ns=MS)
+    later = replace(frames[-1], flags=flag, data=b"", host_time_ns=frames[-1].host_time_ns + 20 * MS)
+    chunk = FrameChunk(pack_frames([*frames, later]), later.host_time_ns)
+    assert found([chunk], [(encode_packet(TimeRequest(7)), 5)])[3] == [frames[-1].host_time_ns]
 
 
 def test_a_recording_with_round_trips_gives_the_offset_as_an_interval(tmp_path):
