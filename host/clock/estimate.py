@@ -1,4 +1,4 @@
-"""What the clock estimator is set to, and what it finds."""
+"""What the clock estimator finds."""
 
 from __future__ import annotations
 
@@ -7,34 +7,6 @@ from dataclasses import dataclass
 from analysis.scoring.recorded_parts import LiveClock
 from analysis.scoring.result_parts import known
 from host.clock.interval import OffsetInterval
-
-
-@dataclass(frozen=True, slots=True)
-class EstimatorSettings:
-    """What the estimate looks back on, and what it calls a step."""
-
-    window_s: float = 60.0
-    """Length of the window. The crystal's wander over it is an error, and so is a beat of two clocks that is longer."""
-    bursty_window_s: float = 300.0
-    """Length for bursty links: the age of a burst's newest sample drifts slowly against the burst's clock."""
-    burst_span_s: float = 0.012
-    """A link is bursty when most of its chunks span at least this much device time ..."""
-    burst_scatter_s: float = 0.003
-    """... or when of ten seconds' least delays one is this far above the line."""
-    max_skew_ppm: float = 500.0
-    """Steeper lines are not believed."""
-    wander_ppm: float = 5.0
-    """How far the skew may change unseen; widens the offset interval, and the bounds for steps after a gap."""
-    warm_uncertainty_ppm: float = 50.0
-    """The estimate is warm once the skew is known this well, or the window is full ..."""
-    warm_bins: int = 10
-    """... and so many seconds had data (and, if bursty, half the window has passed)."""
-    step_s: float = 0.02
-    """Arrivals this much before the line (plus twice the scatter) prove a step: nothing arrives before it is sent."""
-    late_step_s: float = 0.05
-    """Arrivals this much after the line (plus five times the scatter) are taken for a step ..."""
-    late_step_bins: int = 10
-    """... if they last for so many seconds with data. A round trip proves it at once."""
 
 
 @dataclass(frozen=True, slots=True)

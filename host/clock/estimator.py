@@ -13,21 +13,41 @@ import numpy as np
 import numpy.typing as npt
 
 from host.clock.envelope import DelayLine, Point, envelope_line, line_with_slope, scatter_ns
-from host.clock.estimate import ClockEstimate, EstimatorSettings
+from host.clock.estimate import ClockEstimate
 from host.clock.interval import OffsetInterval
 from host.clock.seconds import Seconds
+from host.clock.unwrap import MAX_SKEW_PPM
 
 RESIDUALS_KEPT = 2048
 """Of so many chunks the jitter is stated."""
 ROUND_TRIPS_KEPT = 64
 """So many of the last round trips bound the offset."""
+WINDOW_S = 60.0
+"""Length of the window. The crystal's wander over it is an error, and so is a beat of two clocks that is longer."""
+BURSTY_WINDOW_S = 300.0
+"""Length for bursty links: the age of a burst's newest sample drifts slowly against the burst's clock."""
+BURST_SPAN_S = 0.012
+"""A link is bursty when most of its chunks span at least this much device time ..."""
+BURST_SCATTER_S = 0.003
+"""... or when of ten seconds' least delays one is this far above the line."""
+WANDER_PPM = 5.0
+"""How far the skew may change unseen; widens the offset interval, and the bounds for steps after a gap."""
+WARM_UNCERTAINTY_PPM = 50.0
+"""The estimate is warm once the skew is known this well, or the window is full ..."""
+WARM_BINS = 10
+"""... and so many seconds had data (and, if bursty, half the window has passed)."""
+STEP_S = 0.02
+"""Arrivals this much before the line (plus twice the scatter) prove a step: nothing arrives before it is sent."""
+LATE_STEP_S = 0.05
+"""Arrivals this much after the line (plus five times the scatter) are taken for a step ..."""
+LATE_STEP_BINS = 10
+"""... if they last for so many seconds with data. A round trip proves it at once."""
 
 
 class ClockEstimator:
     """Causal lower-envelope estimate; bounded memory, about a microsecond per chunk and a refit every second."""
 
-    def __init__(self, settings: EstimatorSettings | None = None) -> None:
-        self._settings = settings or EstimatorSettings()
+    def __init__(self) -> None:
         self.segment = 0
         """Number of the present segment, from 0."""
         self._known_slope: float | None = None  # of a warm time before: the crystal stays the same over a reset
@@ -128,7 +148,7 @@ class ClockEstimator:
         self._n += 1
         self._newest_us = max(self._newest_us, device_us)
         self._residuals.append(residual_ns)
-        self._burst_share += ((span_us >= 1e6 * self._settings.burst_span_s) - self._burst_share) / 64
+        self._burst_share += ((span_us >= 1e6 * BURST_SPAN_S) - self._burst_share) / 64
         return step_ns
 
     def feed_round_trip(
@@ -144,7 +164,7 @@ class ClockEstimator:
         if self.line is None:
             return None
         low, high = (receive_us, host_send_ns - 1000 * receive_us), (transmit_us, host_receive_ns - 1000 * transmit_us)
-        slack_ns = 1e-3 * self._settings.max_skew_ppm * max(0, transmit_us - receive_us)
+        slack_ns = 1e-3 * MAX_SKEW_PPM * max(0, transmit_us - receive_us)
         if transmit_us < receive_us or low[1] > high[1] + slack_ns:
             return None
         if self._warm:
@@ -160,9 +180,8 @@ class ClockEstimator:
         line = self.line
         if line is None:
             return None
-        settings = self._settings
         at_us = self._newest_us
-        tolerance = min(self._slope_uncertainty, 1e-3 * settings.max_skew_ppm) + 1e-3 * settings.wander_ppm
+        tolerance = min(self._slope_uncertainty, 1e-3 * MAX_SKEW_PPM) + 1e-3 * WANDER_PPM
 
         def bound(point: Point, sign: int) -> float:
             """Carry a bound over to ``at_us``, the wider the older it is."""
@@ -193,27 +212,27 @@ class ClockEstimator:
         )
 
     def _window_s(self) -> float:
-        return self._settings.bursty_window_s if self.bursty else self._settings.window_s
+        return BURSTY_WINDOW_S if self.bursty else WINDOW_S
 
     def _window(self) -> list[Point]:
         oldest_us = self._newest_us - 1e6 * self._window_s()
         return [point for point in self._seconds.kept if point[0] >= oldest_us]
 
     def _early_bound_ns(self, gap_us: int) -> float:
-        drift = self._slope_uncertainty + 1e-3 * self._settings.wander_ppm
-        return 1e9 * self._settings.step_s + 2 * self._scatter_ns + drift * gap_us
+        drift = self._slope_uncertainty + 1e-3 * WANDER_PPM
+        return 1e9 * STEP_S + 2 * self._scatter_ns + drift * gap_us
 
     def _close_second(self, host_time_ns: int) -> float | None:
         """Keep the past second's best point and refit; return the change of delay if it has been late for too long."""
-        seconds, settings = self._seconds, self._settings
+        seconds = self._seconds
         point, residual_ns = seconds.close()
         if point is None:
             return None
-        if self._warm and residual_ns > 1e9 * settings.late_step_s + 5 * self._scatter_ns:
+        if self._warm and residual_ns > 1e9 * LATE_STEP_S + 5 * self._scatter_ns:
             # So late, it means nothing for the line, unless it goes on like this.
             n_late = seconds.put_aside(point, residual_ns)
-            return self._restart_late(host_time_ns) if n_late >= settings.late_step_bins else None
-        seconds.keep(point, self._newest_us - 1e6 * settings.bursty_window_s)
+            return self._restart_late(host_time_ns) if n_late >= LATE_STEP_BINS else None
+        seconds.keep(point, self._newest_us - 1e6 * BURSTY_WINDOW_S)
         self._refit(host_time_ns)
         return None
 
@@ -227,24 +246,23 @@ class ClockEstimator:
         return step_ns
 
     def _refit(self, host_time_ns: int) -> None:
-        settings = self._settings
         self._judge_bursts()
         points = self._window()
         if not points:
             return
         line = envelope_line(points)
-        max_slope = 1e-3 * settings.max_skew_ppm
+        max_slope = 1e-3 * MAX_SKEW_PPM
         self._scatter_ns = scatter_ns(points, line)
         span_us = points[-1][0] - points[0][0]
-        enough = len(points) >= settings.warm_bins
+        enough = len(points) >= WARM_BINS
         # The link's own clock beats against the device's: while less than one beat has been seen, the kept delays
         # scatter little although the line is wrong. What the link usually adds bounds how far a beat may go.
         usual_ns = sorted(self._residuals)[len(self._residuals) // 2] if self._residuals else 0.0
         spread_ns = max(self._scatter_ns, usual_ns)
         self._slope_uncertainty = spread_ns / span_us if enough else float("inf")
         if self.bursty:  # bursts are of one age for minutes, then of another: little scatter proves nothing
-            enough = enough and span_us >= 0.5e6 * settings.bursty_window_s
-        known = self._slope_uncertainty <= 1e-3 * settings.warm_uncertainty_ppm or span_us > 0.9e6 * self._window_s()
+            enough = enough and span_us >= 0.5e6 * BURSTY_WINDOW_S
+        known = self._slope_uncertainty <= 1e-3 * WARM_UNCERTAINTY_PPM or span_us > 0.9e6 * self._window_s()
         self._warm = enough and (self._warm or known)
         if not self._warm and self._known_slope is not None:
             line = line_with_slope(points, self._known_slope)
@@ -258,9 +276,8 @@ class ClockEstimator:
 
     def _judge_bursts(self) -> None:
         """Bursty by the chunks' own span, or by seconds' least delays that beat; half of both to be steady again."""
-        settings = self._settings
         points = list(self._seconds.kept)
-        scatter = scatter_ns(points, envelope_line(points)) if len(points) >= settings.warm_bins else 0.0
+        scatter = scatter_ns(points, envelope_line(points)) if len(points) >= WARM_BINS else 0.0
         share = 0.25 if self.bursty else 0.5
-        limit_ns = 1e9 * settings.burst_scatter_s * (0.5 if self.bursty else 1.0)
+        limit_ns = 1e9 * BURST_SCATTER_S * (0.5 if self.bursty else 1.0)
         self.bursty = self._burst_share > share or scatter > limit_ns

@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from host.clock.envelope import DelayLine, Point, envelope_line, hull_line, line_with_slope
-from host.clock.estimate import EstimatorSettings
-from host.clock.estimator import ClockEstimator
+from host.clock.estimator import BURSTY_WINDOW_S, WANDER_PPM, WINDOW_S, ClockEstimator
 from host.clock.interval import NO_ROUND_TRIPS, OffsetInterval, RoundTrips, offset_interval, unwrapped_round_trips
 from host.clock.seconds import SECOND_NS
 from host.clock.unwrap import ClockUnwrapper
@@ -84,7 +83,6 @@ def remap(
     arrival_ns: npt.ArrayLike,
     segment_starts: Collection[int] = (),
     jumps: Collection[int] = (),
-    settings: EstimatorSettings | None = None,
     round_trips: RoundTrips = NO_ROUND_TRIPS,
 ) -> RemappedClock:
     """Map device times to host time by the lower envelope in a centred window.
@@ -100,8 +98,6 @@ def remap(
     jumps : collection of int
         Samples at which one starts because the device clock jumped: the steps of the result, with the small ones that
         only the envelope shows.
-    settings : EstimatorSettings, optional
-        Bounds and windows.
     round_trips : RoundTrips
         Answers to TIME_REQUEST: they bound the offset, and do not change the mapping.
 
@@ -116,17 +112,16 @@ def remap(
         raise ValueError(f"device times {unwrapped.shape} and arrivals {arrival.shape} do not fit together")
     if len(arrival) > 1 and (np.diff(arrival) < 0).any():
         raise ValueError(f"arrival goes backwards at sample {int(np.argmax(np.diff(arrival) < 0)) + 1}")
-    settings = settings or EstimatorSettings()
     n = len(unwrapped)
     known = sorted({start for start in segment_starts if 0 < start < n})
     starts = sorted({*known, *(start for start in jumps if 0 < start < n)})
     chunks = _Chunks.of(unwrapped, arrival, starts)
-    small, bursty = _small_steps(chunks, starts, settings)
+    small, bursty = _small_steps(chunks, starts)
     steps = sorted([*_measured(unwrapped, arrival, known, starts), *small], key=lambda step: step.index)
     starts = sorted({*starts, *(step.index for step in steps)})
     bounds = [0, *starts, n] if n else [0]
     segment = np.searchsorted(starts, np.arange(n), side="right").astype(np.int64)
-    window_s = settings.bursty_window_s if bursty else settings.window_s
+    window_s = BURSTY_WINDOW_S if bursty else WINDOW_S
     pieces = [chunks.within(start, stop) for start, stop in pairwise(bounds)]
     slope = _longest_slope(pieces)
     trips, trip_segment = unwrapped_round_trips(round_trips, unwrapped, arrival, segment)
@@ -147,7 +142,7 @@ def remap(
             (_mapped(knots, own.receive_us), _mapped(knots, own.transmit_us)),
             window_s,
             # Over the window the line may be off by what the crystal wanders and by what the link usually adds.
-            1e-3 * settings.wander_ppm + p50 / (1e6 * window_s),
+            1e-3 * WANDER_PPM + p50 / (1e6 * window_s),
         )
         segments.append(
             RemappedSegment(
@@ -212,9 +207,9 @@ def _measured(unwrapped: IntArray, arrival: IntArray, known: list[int], starts: 
     return steps
 
 
-def _small_steps(chunks: _Chunks, starts: list[int], settings: EstimatorSettings) -> tuple[list[ClockStep], bool]:
+def _small_steps(chunks: _Chunks, starts: list[int]) -> tuple[list[ClockStep], bool]:
     """Find the steps that only the causal estimate can see, and whether the link is bursty."""
-    estimator = ClockEstimator(settings)
+    estimator = ClockEstimator()
     steps: list[ClockStep] = []
     start_set = set(starts)
     before_ns = bursty = 0
