@@ -7,8 +7,8 @@ WALL = 1_760_000_000_000_000_000
 MONO = 5_000_000_000_000
 
 
-def writer(path, **options):
-    return RecordingWriter(path, "serial:/dev/ttyACM0", WALL, MONO, {"cycles": 10}, **options)
+def writer(path):
+    return RecordingWriter(path, "serial:/dev/ttyACM0", WALL, MONO, {"cycles": 10})
 
 
 def chunks(n=20):

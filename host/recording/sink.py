@@ -32,8 +32,6 @@ class RecordingSink:
     ----------
     path : Path
         Must not exist; the folder is made.
-    max_kept_bytes : int
-        Bound of the memory.
 
     Raises
     ------
@@ -41,12 +39,11 @@ class RecordingSink:
         The file exists, or cannot be created here.
     """
 
-    def __init__(self, path: Path, max_kept_bytes: int = MAX_KEPT_BYTES) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
         self.problem: str | None = None
         self.closed = False
         self.bytes_discarded = 0
-        self._max_kept_bytes = max_kept_bytes
         self._pending = bytearray()
         self._position = 0
         self._retry_at_ns = 0
@@ -76,7 +73,7 @@ class RecordingSink:
 
     def write(self, data: bytes | bytearray | memoryview) -> int:
         """Write one whole record (or several); never fails."""
-        if self.bytes_discarded or (self.problem and len(self._pending) + len(data) > self._max_kept_bytes):
+        if self.bytes_discarded or (self.problem and len(self._pending) + len(data) > MAX_KEPT_BYTES):
             # From here on everything is discarded: a later record without the earlier ones would look like a loss
             # on the link.
             self.bytes_discarded += len(data)

@@ -21,7 +21,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from firmware_protocol.packets import Event, Info, Status
 from host.links.transport import AnyChunk, Chunk
 from host.recording import format as fmt
-from host.recording.sink import MAX_KEPT_BYTES, RecordingSink
+from host.recording.sink import RecordingSink
 from host.text import plain
 from host.version import VERSION
 
@@ -44,8 +44,6 @@ class RecordingWriter:
         The two clocks at the same instant: the anchor by which monotonic times become dates.
     settings : dict
         How the capture was started; stored as JSON.
-    max_kept_bytes : int
-        How much is kept in memory while nothing can be written.
 
     Raises
     ------
@@ -54,16 +52,10 @@ class RecordingWriter:
     """
 
     def __init__(
-        self,
-        path: Path,
-        link: str,
-        wall_time_ns: int,
-        monotonic_ns: int,
-        settings: dict[str, Any] | None = None,
-        max_kept_bytes: int = MAX_KEPT_BYTES,
+        self, path: Path, link: str, wall_time_ns: int, monotonic_ns: int, settings: dict[str, Any] | None = None
     ) -> None:
         self.path = path
-        self._sink = RecordingSink(path, max_kept_bytes)
+        self._sink = RecordingSink(path)
         self._wall_minus_monotonic_ns = wall_time_ns - monotonic_ns
         self._flushed_ns = monotonic_ns
         self._logged_ns = 0

@@ -78,7 +78,8 @@ def test_what_the_disk_did_not_take_is_still_read_from_memory_and_saved_elsewher
 
 def test_the_memory_for_a_full_disk_is_bounded_and_what_is_lost_is_said(tmp_path, monkeypatch):
     path = tmp_path / "trial.mcap"
-    sink = writer(path, max_kept_bytes=2000)
+    monkeypatch.setattr("host.recording.sink.MAX_KEPT_BYTES", 2000)
+    sink = writer(path)
     monkeypatch.setattr(os, "write", Disk(room=0))
     for at, chunk in enumerate(chunks(200)):
         sink.add_received(chunk)
