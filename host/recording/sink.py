@@ -21,17 +21,12 @@ SYNC_WAIT_S = 0.2
 
 
 class RecordingSink:
-    """A new file that is only ever appended to.
+    """A new file, in a folder that is made for it, that is only ever appended to.
 
     Python's own buffered writer raises on a full disk at a moment of its choosing and leaves open what it has kept.
     Here nothing is lost silently: :meth:`write` never fails, :meth:`flush_pending` writes what it can, keeps the rest,
     and reports why in :attr:`problem`. Records go to the file whole and in order, so that the recording continues as if
     nothing had happened when the disk has room again.
-
-    Parameters
-    ----------
-    path : Path
-        Must not exist; the folder is made.
 
     Raises
     ------
