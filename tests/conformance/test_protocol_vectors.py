@@ -11,8 +11,8 @@ from firmware_protocol.packets import OrientationBatch, PacketType
 from firmware_protocol.serial import decoder as stream
 from firmware_protocol.serial.decoder import StreamDecoder
 from firmware_protocol.serial.framing import FrameDecoder, checksum, encode_frame
-from firmware_protocol.vectors import load_vectors
-from firmware_protocol.vectors.definitions import PACKETS, fields_of, vectors_text
+from tests.vectors.files import SERIAL_FILE, load_vectors
+from tests.vectors.serial_definitions import PACKETS, fields_of, vectors_text
 from tests.wire_streams import Decoded, assert_accounted, decode_fast, decode_slowly, slow_crc, slow_uncobs
 
 VECTORS = load_vectors()
@@ -23,10 +23,8 @@ def named(section):
 
 
 def test_the_shipped_file_is_what_the_code_makes():
-    from importlib import resources
-
-    shipped = resources.files("firmware_protocol.vectors").joinpath("serial.json").read_text(encoding="utf-8")
-    assert shipped == vectors_text(), "run `python -m firmware_protocol.vectors` and read the difference"
+    shipped = SERIAL_FILE.read_text(encoding="utf-8")
+    assert shipped == vectors_text(), "run `python -m tests.vectors` and read the difference"
 
 
 def test_every_packet_type_and_every_counter_has_a_vector():

@@ -11,11 +11,11 @@ from firmware_protocol.errors import PacketValueError
 from firmware_protocol.packets import PacketType
 from firmware_protocol.serial import decoder as stream
 from firmware_protocol.serial import framing as serial_framing
-from firmware_protocol.vectors import load_vectors
-from firmware_protocol.vectors.definitions import PACKETS
 from host.links.serial.port import DEFAULT_BAUD
 from host.stream.session import SessionSettings
 from tests.sequence_oracle import LATE_WINDOW
+from tests.vectors.files import load_vectors
+from tests.vectors.serial_definitions import PACKETS
 
 TEXT = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
 BITS = {"u8": 8, "u16": 16, "u32": 32, "u64": 64}
