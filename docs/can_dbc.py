@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from docs.field_tables import field_rows
 from firmware_protocol import schema
 from firmware_protocol.can.frames import FD_BYTES, FD_LENGTHS
 from firmware_protocol.can.mapping import EXACT_LENGTHS, CanFunction, arbitration_id
@@ -106,7 +107,7 @@ def _long() -> tuple[_Signal, ...]:
 def _commands() -> tuple[_Signal, ...]:
     signals = [_Signal("PacketType", 0, 8, mux="M", values=_TYPES), _Signal("CommandId", 8, 8)]
     for packet_type in PacketType:
-        for row in schema.field_rows(packet_type)[2:] if packet_type >= 0x80 else ():
+        for row in field_rows(packet_type)[2:] if packet_type >= 0x80 else ():
             signals.append(_Signal(_camel(row.name), 8 * row.offset, 8 * row.size, mux=f"m{int(packet_type)}"))
     return tuple(signals)
 
@@ -144,7 +145,7 @@ def _camel(name: str) -> str:
 def _fields(packet_type: PacketType, shift: int) -> tuple[_Signal, ...]:
     """Signals of a packet that stands ``shift`` bits from the start of its frame."""
     signals = []
-    for row in schema.field_rows(packet_type):
+    for row in field_rows(packet_type):
         base, _, count = row.wire_type.partition("[")
         n = int(count[:-1]) if count else 1
         scale, unit = _SCALES.get(row.name, (1, "us" if row.name.endswith("_us") else ""))

@@ -22,17 +22,7 @@ class MalformedPacketError(ProtocolError):
 
 
 class UnknownPacketTypeError(ProtocolError):
-    """A packet type that this version does not know.
-
-    Attributes
-    ----------
-    type_byte
-        The first byte of the packet.
-    """
-
-    def __init__(self, type_byte: int) -> None:
-        super().__init__(f"packet type 0x{type_byte:02X} is not known to this version of the protocol")
-        self.type_byte = type_byte
+    """A packet type that this version does not know; the message names it."""
 
 
 class UnsupportedVersionError(ProtocolError):

@@ -1,8 +1,8 @@
 """The normative description of the bytes, in construct: every packet, field by field, little endian.
 
 Nothing else imports construct. The names are those of :mod:`firmware_protocol.packets`; units and scales stand in
-``docs/protocol.md``, whose tables a test compares with :func:`field_rows`. A packet is its type byte and its fields,
-with no padding; a newer minor version may add bytes behind the last field, so parsing ignores what follows.
+``docs/protocol.md``, whose tables a test compares with :data:`SCHEMA`. A packet is its type byte and its fields, with
+no padding; a newer minor version may add bytes behind the last field, so parsing ignores what follows.
 
 Other modules see a packet's fields as one flat tuple of numbers and bytes, in wire order (:func:`parse`,
 :func:`build`).
@@ -12,7 +12,6 @@ Other modules see a packet's fields as one flat tuple of numbers and bytes, in w
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from construct import (
@@ -22,7 +21,6 @@ from construct import (
     Construct,
     ConstructError,
     Float32l,
-    FormatField,
     Int8ul,
     Int16sl,
     Int16ul,
@@ -113,46 +111,6 @@ SCHEMA: dict[PacketType, Struct] = {
 
 PACKET_BYTES: dict[PacketType, int] = {packet_type: struct.sizeof() for packet_type, struct in SCHEMA.items()}
 """Size of each packet with its type byte; in this version every packet has a fixed size."""
-
-
-@dataclass(frozen=True, slots=True)
-class FieldRow:
-    """One row of a packet's field table."""
-
-    offset: int
-    """Bytes from the start of the packet; the type byte is at 0."""
-    wire_type: str
-    """``u8 u16 u32 u64 i16 f32 char``, with ``[n]`` where there are n of them; ``{u8, u16}[n]`` for records."""
-    size: int
-    """Bytes."""
-    name: str
-    """Field name, as in the packet's dataclass."""
-
-
-_NUMBER_NAMES = {"<B": "u8", "<H": "u16", "<L": "u32", "<Q": "u64", "<h": "i16", "<f": "f32"}
-
-
-def _wire_type(field: Construct) -> str:
-    if isinstance(field, Renamed | Const):
-        return _wire_type(field.subcon)
-    if isinstance(field, Array):
-        return f"{_wire_type(field.subcon)}[{field.count}]"
-    if isinstance(field, Struct):
-        return "{" + ", ".join(_wire_type(part) for part in field.subcons) + "}"
-    if isinstance(field, FormatField):
-        # construct writes the one-byte number big endian, where order means nothing.
-        return _NUMBER_NAMES["<" + field.fmtstr[1:]]
-    return f"char[{field.sizeof()}]"
-
-
-def field_rows(packet_type: PacketType) -> tuple[FieldRow, ...]:
-    """Return the field table of a packet as the schema defines it, type byte first."""
-    rows = []
-    offset = 0
-    for field in SCHEMA[packet_type].subcons:
-        rows.append(FieldRow(offset, _wire_type(field), field.sizeof(), field.name))
-        offset += field.sizeof()
-    return tuple(rows)
 
 
 def _flatten(value: Any) -> Iterator[WireValue]:  # noqa: ANN401 (construct's own containers)

@@ -24,7 +24,8 @@ from emulator.device.sample_stream import SampleBlock, SampleStream
 from emulator.device.settings import DeviceSettings
 from emulator.device.transmit_queue import Sink, TransmitQueue
 from firmware_protocol import packets as p
-from firmware_protocol.codec import ProtocolError, UnknownPacketTypeError, decode_packet, encode_packet
+from firmware_protocol.codec import decode_packet, encode_packet
+from firmware_protocol.errors import ProtocolError, UnknownPacketTypeError
 
 _BOOT_ID_STREAM = 41
 _FIRST_HOST_TYPE = 0x80

@@ -109,8 +109,6 @@ class CanObject:
         self._time_us = 0
         self._mark: TimeMark | None = None
         self._state: SampleState | None = None
-        self.ignored_frames = 0
-        """Frames that were not commands to this object."""
 
     def encode(self, packets: Sequence[bytes]) -> list[CanFrame]:
         """Return the frames of encoded packets, in order; long ones go on when the host answers :meth:`receive`.
@@ -151,7 +149,6 @@ class CanObject:
         identity = split_id(frame.arbitration_id)
         unfit = frame.flags & (FrameFlag.EXTENDED | FrameFlag.REMOTE | FrameFlag.ERROR)
         if unfit or identity is None or identity.node not in (self.node, ALL_NODES) or not frame.data:
-            self.ignored_frames += 1
             return [], []
         if identity.function is CanFunction.COMMAND:
             if not identity.whole_packet:
@@ -161,7 +158,6 @@ class CanObject:
         elif identity == self._long_id:
             channel = self._open_channel()
             return channel.feed(frame.data), channel.take_outgoing()
-        self.ignored_frames += 1
         return [], []
 
     def poll(self) -> list[CanFrame]:

@@ -108,11 +108,6 @@ class CanId:
     whole_packet: bool = False
     """Whether the frame is a CAN FD one with a whole packet."""
 
-    @property
-    def arbitration_id(self) -> int:
-        """11 bits."""
-        return arbitration_id(self.function, self.node, self.whole_packet)
-
 
 def arbitration_id(function: CanFunction, node: int, whole_packet: bool = False) -> int:
     """Return the 11-bit id of a frame.
@@ -222,15 +217,7 @@ class SampleState:
 
 
 def orientation_data(counter: int, code: int) -> bytes:
-    """Return the eight bytes of a classic ORIENTATION frame.
-
-    Parameters
-    ----------
-    counter : int
-        Sample counter; its low eight bits are sent.
-    code : int
-        :func:`~firmware_protocol.quantization.quat_to_smallest_three`.
-    """
+    """Return the eight bytes of a classic ORIENTATION frame: the counter's low eight bits, the quaternion's code."""
     return (code << 8 | counter % SEQUENCE_MODULUS).to_bytes(8, "little")
 
 

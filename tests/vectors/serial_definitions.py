@@ -12,7 +12,7 @@ from cobs import cobs
 
 from firmware_protocol import packets as p
 from firmware_protocol import schema
-from firmware_protocol.quantization import quat_to_q15, quat_to_smallest_three
+from firmware_protocol.quantization import quat_to_q15, quats_to_smallest_three
 from firmware_protocol.serial.framing import MAX_PACKET_BYTES, checksum, encode_frame
 from firmware_protocol.wire_values import TO_WIRE
 
@@ -234,7 +234,7 @@ def make_vectors() -> dict[str, Any]:
             {
                 "q_wxyz": list(quat),
                 "q15": list(quat_to_q15(quat)),
-                "smallest_three": f"{quat_to_smallest_three(quat):014x}",
+                "smallest_three": f"{int(quats_to_smallest_three([quat])[0]):014x}",
             }
             for quat in QUATERNIONS
         ],
