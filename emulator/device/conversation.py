@@ -18,8 +18,6 @@ class Conversation:
         """Packets from the host that were answered."""
         self.refusals = 0
         """Of these, those not done."""
-        self.ignored = 0
-        """Packets that were not answered."""
         self._last_done: tuple[p.Calibrate | p.Mark, p.AckCode, float] | None = None
 
     def answer_to_retry(self, command: p.Calibrate | p.Mark, now_s: float) -> p.AckCode | None:

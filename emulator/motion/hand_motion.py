@@ -223,11 +223,6 @@ class HandMotion:
         """From the start of the timeline to the end of the lead-out, s."""
         return float(self._time_knots[-1] + self.motion.lead_out_s)
 
-    @property
-    def steps_rad(self) -> FloatArray:
-        """(cycles − 1, 3) true steps between primary end points as world-frame rotation vectors, rad."""
-        return self._drift_vectors[1:-1].copy()
-
     def phase(self, times_s: FloatArray) -> FloatArray:
         """Return the phase in cycles at times since the timeline started, (n,); it rests outside the motion."""
         return np.interp(times_s, self._time_knots, self._phase_knots).astype(np.float64)

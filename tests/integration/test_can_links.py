@@ -78,7 +78,7 @@ def inject(link: Any, bad: bytes) -> threading.Event:
             done.set()
         return [frame]
 
-    link.frame_tamper = tamper
+    link.object_end.tamper = tamper
     return done
 
 
@@ -123,7 +123,7 @@ def after_bad(transport: Any, link: Any, got: Got, bad: bytes, n: int) -> int:
     lost = counted(got.items)["samples_lost"]
     injected = inject(link, bad)
     receive(transport, lambda _: injected.is_set(), got=got)
-    sent = link.frames_sent  # of those before the bad bytes, some may still be under way
+    sent = link.object_end.n_sent  # of those before the bad bytes, some may still be under way
     receive(transport, lambda got: got.link.counters.frames > sent + n, got=got)
     return counted(got.items)["samples_lost"] - lost
 
