@@ -70,10 +70,6 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     name_or_path : str or Path
         A name of :func:`scenario_names`; anything with a ``.toml`` ending or a separator is a path.
 
-    Returns
-    -------
-    Scenario
-
     Raises
     ------
     ScenarioError

@@ -213,21 +213,9 @@ def check_settings(settings: Any) -> None:  # noqa: ANN401
 
 
 def read_table(cls: type[S], data: Mapping[str, Any], where: str = "") -> S:
-    """Make a settings dataclass from a parsed TOML table.
+    """Return a settings dataclass, frozen and checked, from a parsed TOML table.
 
-    Parameters
-    ----------
-    cls : type
-        The settings class.
-    data : mapping
-        The table.
-    where : str
-        Dotted name of the table, for messages; empty at the top.
-
-    Returns
-    -------
-    cls
-        Frozen and checked.
+    ``where`` is the dotted name of the table, for messages; empty at the top.
 
     Raises
     ------

@@ -38,15 +38,11 @@ WireValue: TypeAlias = int | float | bytes
 """One field, or one element of an array field, as it stands on the wire."""
 
 
-def _packet(packet_type: PacketType, *fields: Construct) -> Struct:
-    return Struct("packet_type" / Const(int(packet_type), Int8ul), *fields)
-
-
 _WEIGHT = Struct("slot" / Int8ul, "mass_cg" / Int16ul)
+_COMMAND_ID = "command_id" / Int8ul
 
-SCHEMA: dict[PacketType, Struct] = {
-    PacketType.INFO: _packet(
-        PacketType.INFO,
+_FIELDS: dict[PacketType, tuple[Construct, ...]] = {
+    PacketType.INFO: (
         "protocol_major" / Int8ul,
         "protocol_minor" / Int8ul,
         "device_id" / Int64ul,
@@ -65,15 +61,13 @@ SCHEMA: dict[PacketType, Struct] = {
         "weights" / _WEIGHT[MAX_WEIGHTS],
         "mounting_q_body_sensor" / Float32l[4],
     ),
-    PacketType.ORIENTATION: _packet(
-        PacketType.ORIENTATION,
+    PacketType.ORIENTATION: (
         "sequence" / Int16ul,
         "device_time_us" / Int32ul,
         "q_wxyz" / Int16sl[4],
         "flags" / Int8ul,
     ),
-    PacketType.STATUS: _packet(
-        PacketType.STATUS,
+    PacketType.STATUS: (
         "uptime_us" / Int64ul,
         "state" / Int8ul,
         "samples_produced" / Int64ul,
@@ -83,29 +77,27 @@ SCHEMA: dict[PacketType, Struct] = {
         "gyro_bias_dps" / Int16sl[3],
         "errors" / Int16ul,
     ),
-    PacketType.RAW_IMU: _packet(
-        PacketType.RAW_IMU,
+    PacketType.RAW_IMU: (
         "sequence" / Int16ul,
         "device_time_us" / Int32ul,
         "gyro_dps" / Int16sl[3],
         "acceleration_g" / Int16sl[3],
     ),
-    PacketType.ACK: _packet(PacketType.ACK, "command_type" / Int8ul, "command_id" / Int8ul, "code" / Int8ul),
-    PacketType.TIME_REPLY: _packet(
-        PacketType.TIME_REPLY,
-        "command_id" / Int8ul,
-        "receive_uptime_us" / Int64ul,
-        "transmit_uptime_us" / Int64ul,
-    ),
-    PacketType.EVENT: _packet(PacketType.EVENT, "device_time_us" / Int32ul, "kind" / Int8ul, "value" / Int16ul),
-    PacketType.GET_INFO: _packet(PacketType.GET_INFO, "command_id" / Int8ul),
-    PacketType.START: _packet(PacketType.START, "command_id" / Int8ul, "with_raw_imu" / Int8ul),
-    PacketType.STOP: _packet(PacketType.STOP, "command_id" / Int8ul),
-    PacketType.SET_RATE: _packet(PacketType.SET_RATE, "command_id" / Int8ul, "rate_hz" / Int16ul),
-    PacketType.IDENTIFY: _packet(PacketType.IDENTIFY, "command_id" / Int8ul, "duration_s" / Int8ul),
-    PacketType.CALIBRATE: _packet(PacketType.CALIBRATE, "command_id" / Int8ul),
-    PacketType.TIME_REQUEST: _packet(PacketType.TIME_REQUEST, "command_id" / Int8ul),
-    PacketType.MARK: _packet(PacketType.MARK, "command_id" / Int8ul, "marker" / Int16ul),
+    PacketType.ACK: ("command_type" / Int8ul, _COMMAND_ID, "code" / Int8ul),
+    PacketType.TIME_REPLY: (_COMMAND_ID, "receive_uptime_us" / Int64ul, "transmit_uptime_us" / Int64ul),
+    PacketType.EVENT: ("device_time_us" / Int32ul, "kind" / Int8ul, "value" / Int16ul),
+    PacketType.GET_INFO: (_COMMAND_ID,),
+    PacketType.START: (_COMMAND_ID, "with_raw_imu" / Int8ul),
+    PacketType.STOP: (_COMMAND_ID,),
+    PacketType.SET_RATE: (_COMMAND_ID, "rate_hz" / Int16ul),
+    PacketType.IDENTIFY: (_COMMAND_ID, "duration_s" / Int8ul),
+    PacketType.CALIBRATE: (_COMMAND_ID,),
+    PacketType.TIME_REQUEST: (_COMMAND_ID,),
+    PacketType.MARK: (_COMMAND_ID, "marker" / Int16ul),
+}
+SCHEMA: dict[PacketType, Struct] = {
+    packet_type: Struct("packet_type" / Const(int(packet_type), Int8ul), *fields)
+    for packet_type, fields in _FIELDS.items()
 }
 """Every packet of this version."""
 

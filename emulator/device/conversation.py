@@ -38,13 +38,7 @@ class Conversation:
 
 
 class StatusTimer:
-    """When the next STATUS is due, and the errors it reports.
-
-    Parameters
-    ----------
-    interval_s : float
-        Time between two, s.
-    """
+    """When the next STATUS is due, and the errors it reports."""
 
     def __init__(self, interval_s: float) -> None:
         self._interval_s = interval_s

@@ -86,17 +86,7 @@ class Readings:
 
 
 class ImuModel:
-    """The sensor of one object.
-
-    Parameters
-    ----------
-    settings : ImuSettings
-        Its faults.
-    mounting_q_body_sensor : tuple of float
-        (4,) sensor to body.
-    seed : int
-        Seed of its noise.
-    """
+    """The sensor of one object, its noise seeded."""
 
     def __init__(
         self, settings: ImuSettings, mounting_q_body_sensor: tuple[float, float, float, float], seed: int
@@ -136,22 +126,14 @@ class ImuModel:
         return np.concatenate(drawn)[start : start + n]
 
     def read(self, times_s: FloatArray, true_motion: TrueMotion, first: int, boot: int) -> Readings:
-        """Return what the sensor measures at the times.
+        """Return what the sensor measures at true times (n,) since power-up, n >= 1, s.
 
         Parameters
         ----------
-        times_s : (n,)
-            True time since power-up, s, n >= 1.
-        true_motion : callable
-            The object's motion in that time.
-        first : int
-            Number of the first sample since boot.
-        boot : int
-            Number of the boot, from 0.
-
-        Returns
-        -------
-        Readings
+        times_s, true_motion : (n,), callable
+            When, and the object's motion then.
+        first, boot : int
+            Number of the first sample since boot, and of the boot, both from 0.
         """
         settings = self.settings
         true_quats, rates_rad_s = true_motion(times_s)

@@ -176,18 +176,9 @@ class FaultLog:
         self.counts: Counter[str] = Counter()
 
     def add(self, kind: str, time_s: float, count: int = 1, **details: Any) -> None:  # noqa: ANN401
-        """Note a fault.
+        """Note a fault at a time since power-up, s, with details ready for JSON.
 
-        Parameters
-        ----------
-        kind : str
-            What happened.
-        time_s : float
-            When, s since power-up.
-        count : int
-            Of how many bits, bytes or frames; 1 where there is only one thing it can happen to.
-        **details : object
-            Anything else, ready for JSON.
+        ``count`` is of how many bits, bytes or frames; 1 where there is only one thing it can happen to.
         """
         self.counts[kind] += 1
         if len(self.entries) < _MAX_LOGGED:

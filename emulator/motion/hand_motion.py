@@ -129,16 +129,7 @@ class Extremes:
 
 
 def drift_vectors(settings: DriftSettings, cycles: int, seed: int) -> FloatArray:
-    """Return the drift of each cycle interval as world-frame rotation vectors.
-
-    Parameters
-    ----------
-    settings : DriftSettings
-        The drift.
-    cycles : int
-        Number of cycles n.
-    seed : int
-        Seed of the random walk.
+    """Return the drift of each interval of n cycles as world-frame rotation vectors.
 
     Returns
     -------
@@ -161,15 +152,7 @@ def drift_vectors(settings: DriftSettings, cycles: int, seed: int) -> FloatArray
 
 
 class HandMotion:
-    """The true orientation of the object as a function of time.
-
-    Parameters
-    ----------
-    motion, drift : MotionSettings, DriftSettings
-        Settings.
-    seed : int
-        Seed of tempo, amplitude and drift.
-    """
+    """The true orientation of the object as a function of time; tempo, amplitude and drift are seeded."""
 
     def __init__(self, motion: MotionSettings, drift: DriftSettings, seed: int) -> None:
         self.motion = motion
@@ -228,17 +211,9 @@ class HandMotion:
         return np.interp(times_s, self._time_knots, self._phase_knots).astype(np.float64)
 
     def orientation(self, times_s: FloatArray) -> FloatArray:
-        """Return the true orientation.
+        """Return the true orientation (n, 4), unit, body to world, at any times (n,) s since the timeline started.
 
-        Parameters
-        ----------
-        times_s : (n,)
-            Since the timeline started, s; any real number.
-
-        Returns
-        -------
-        numpy.ndarray
-            (n, 4) unit quaternions, body to world; their sign is continuous.
+        The sign of the quaternions is continuous.
         """
         times_s = np.asarray(times_s, dtype=np.float64)
         if self.motion.cycles == 0:
@@ -246,18 +221,7 @@ class HandMotion:
         return multiply(self._pose(self.phase(times_s)), self._settle)
 
     def angular_velocity(self, times_s: FloatArray) -> FloatArray:
-        """Return the true rate of turn, world frame, rad/s.
-
-        Parameters
-        ----------
-        times_s : (n,)
-            Since the timeline started, s.
-
-        Returns
-        -------
-        numpy.ndarray
-            (n, 3).
-        """
+        """Return the true rate of turn (n, 3), world frame, rad/s, at times (n,) s since the timeline started."""
         times_s = np.asarray(times_s, dtype=np.float64)
         if self.motion.cycles == 0:
             return np.zeros((len(times_s), 3))

@@ -30,13 +30,7 @@ _ORIENTATION = bytes([PacketType.ORIENTATION])
 
 
 class RareFrames:
-    """The rare packets of one object.
-
-    Parameters
-    ----------
-    tally : Tally
-        Where they are counted, but for those delivered.
-    """
+    """The rare packets of one object; the tally counts those that cannot be delivered."""
 
     def __init__(self, tally: Tally) -> None:
         self._tally = tally
@@ -60,23 +54,16 @@ class RareFrames:
         reference: int | None,
         timeline: Timeline,
     ) -> list[Packet | ForeignInfo]:
-        """Process one frame.
+        """Process one record of a frame array, whose length is right for its function; return what it completes.
 
         Parameters
         ----------
         function : int
             Bits 5-10 of the arbitration id.
         record : numpy.void
-            One record of a frame array; its length is right for its function.
-        reference : int or None
-            Counter of the sample before it.
-        timeline : Timeline
-            For the device time of RAW_IMU.
-
-        Returns
-        -------
-        list
-            The packets it completes.
+            The frame.
+        reference, timeline : int or None, Timeline
+            Counter of the sample before it, and the object's times: for RAW_IMU.
         """
         data = record["data"].tobytes()[: int(record["length"])]
         kind = function & (_WHOLE - 1)

@@ -24,15 +24,7 @@ _NOT_DATA = int(FrameFlag.ERROR | FrameFlag.REMOTE | FrameFlag.EXTENDED | FrameF
 
 
 class Traffic:
-    """Picks out the frames of one object and counts the others.
-
-    Parameters
-    ----------
-    node : int or None
-        Node id; None is for the first object that is heard.
-    tally : Tally
-        Where the others are counted.
-    """
+    """Picks out the frames of one object, without a node id of the first that is heard, and counts the others."""
 
     def __init__(self, node: int | None, tally: Tally) -> None:
         self.node = node
