@@ -172,12 +172,7 @@ def switch(default: bool) -> Any:  # noqa: ANN401
 
 
 def vector(
-    default: tuple[float, ...],
-    low: float = -1e6,
-    high: float = 1e6,
-    *,
-    unit: bool = False,
-    may_be_nan: bool = False,
+    default: tuple[float, ...], low: float = -1e6, high: float = 1e6, *, unit: bool = False, may_be_nan: bool = False
 ) -> Any:  # noqa: ANN401
     """Declare a tuple of floats as long as the default; ``unit`` asks for length 1 within 0.01 and makes it exact."""
     return _field(default, _Vector(len(default), _Number(low, high, may_be_nan=may_be_nan), unit=unit))

@@ -26,13 +26,7 @@ class UnknownPacketTypeError(ProtocolError):
 
 
 class UnsupportedVersionError(ProtocolError):
-    """INFO of an object that speaks another major version; nothing else in the packet can be trusted.
-
-    Attributes
-    ----------
-    protocol_major, protocol_minor
-        The version the object speaks.
-    """
+    """INFO of an object that speaks another major version; nothing but that version can be trusted."""
 
     def __init__(self, protocol_major: int, protocol_minor: int) -> None:
         super().__init__(f"the object speaks protocol version {protocol_major}.{protocol_minor}")

@@ -16,17 +16,7 @@ from typing import Any, TypeAlias
 from emulator import ScenarioError
 from emulator.settings import check_settings, choice, integer, number, tables
 
-KINDS = (
-    "stall",
-    "unplug",
-    "reset",
-    "swap",
-    "second-object",
-    "wrong-version",
-    "clock-step",
-    "flood",
-    "garbage",
-)
+KINDS = ("stall", "unplug", "reset", "swap", "second-object", "wrong-version", "clock-step", "flood", "garbage")
 _FOREVER_S = 1e9
 _MAX_LOGGED = 20_000
 

@@ -132,11 +132,8 @@ class ByteFaults:
 
     def use(self, settings: FaultSettings) -> None:
         """Go on with other rates."""
-        s = self._settings = settings
-        self.any = (
-            s.bit_error_rate + s.burst_probability + s.truncate_probability + s.garbage_probability > 0.0
-            or s.garbage_before_bytes > 0
-        )
+        self._settings = settings
+        self.any = bool(byte_faults_in(settings))
 
     def garbage(self, n: int) -> bytes:
         """Return n random bytes."""

@@ -21,15 +21,17 @@ from firmware_protocol.can.few_samples import MAX_FAST_BYTES, plain_samples, who
 from firmware_protocol.can.frames import CLASSIC_BYTES, FrameArray, concatenate_frames, frame_array
 from firmware_protocol.can.mapping import (
     EXACT_LENGTHS,
+    FUNCTION_MASK,
     MAX_NODE,
     MIN_NODE,
     NODE_BITS,
+    WHOLE,
     WHOLE_ORIENTATION_BYTES,
     CanFunction,
     arbitration_id,
 )
 from firmware_protocol.can.rare_frames import RareFrames
-from firmware_protocol.can.samples import SAMPLE, STATE, TIME, WHOLE, WHOLE_SAMPLE, SampleDecoder
+from firmware_protocol.can.samples import SAMPLE, STATE, TIME, WHOLE_SAMPLE, SampleDecoder
 from firmware_protocol.can.traffic import Traffic
 from firmware_protocol.errors import MalformedPacketError, PacketValueError
 from firmware_protocol.items import StreamItem, Tally
@@ -183,11 +185,11 @@ class CanStreamDecoder:
 def _right_lengths(function: npt.NDArray[Any], records: FrameArray) -> npt.NDArray[np.bool_]:
     """Return (n,) whether each frame has a length that its function allows."""
     length = records["length"]
-    wanted = _LENGTHS[function & (WHOLE - 1)]
+    wanted = _LENGTHS[function & FUNCTION_MASK]
     good = (wanted == _ANY_LENGTH) & (length > 0) | (wanted == length)
     is_whole = function >= WHOLE
     if is_whole.any():
-        is_long = (function & (WHOLE - 1)) >= CanFunction.LONG_TO_OBJECT
+        is_long = (function & FUNCTION_MASK) >= CanFunction.LONG_TO_OBJECT
         size = records["data"][:, 0]
         good = np.where(is_whole, is_long | (size > 0) & (size < length), good)
     return np.asarray(good)

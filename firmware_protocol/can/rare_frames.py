@@ -9,13 +9,13 @@ import numpy as np
 
 from firmware_protocol.can.iso_tp import LongPacketChannel
 from firmware_protocol.can.mapping import (
-    FD_BIT,
+    FUNCTION_MASK,
     HOST_FUNCTIONS,
     IMU_LAYOUT,
-    NODE_BITS,
     NODE_MASK,
     SEQUENCE_MODULUS,
     STATUS_PAGES,
+    WHOLE,
     CanFunction,
     status_values,
 )
@@ -25,7 +25,6 @@ from firmware_protocol.items import ForeignInfo, Tally, decode_counted
 from firmware_protocol.packets import Packet, PacketType
 from firmware_protocol.wire_values import FROM_WIRE
 
-_WHOLE = FD_BIT >> NODE_BITS
 _ORIENTATION = bytes([PacketType.ORIENTATION])
 
 
@@ -66,8 +65,8 @@ class RareFrames:
             Counter of the sample before it, and the object's times: for RAW_IMU.
         """
         data = record["data"].tobytes()[: int(record["length"])]
-        kind = function & (_WHOLE - 1)
-        is_whole = function >= _WHOLE
+        kind = function & FUNCTION_MASK
+        is_whole = function >= WHOLE
         if kind in HOST_FUNCTIONS:
             self._tally["host_frames"] += 1
             return []

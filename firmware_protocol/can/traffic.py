@@ -6,14 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol.can.frames import FrameArray, FrameFlag
-from firmware_protocol.can.mapping import (
-    FD_BIT,
-    FUNCTIONS,
-    HOST_FUNCTIONS,
-    NODE_BITS,
-    NODE_MASK,
-    CanFunction,
-)
+from firmware_protocol.can.mapping import FD_BIT, FUNCTION_MASK, HOST_FUNCTIONS, NODE_BITS, NODE_MASK, CanFunction
 from firmware_protocol.items import Tally
 
 _OURS = np.zeros(2048, np.bool_)
@@ -68,5 +61,5 @@ def _first_object(records: FrameArray) -> int | None:
     """Return the node id of the first frame that an object sent."""
     ids = records["arbitration_id"]
     nodes = ids & NODE_MASK
-    objects = nodes[(nodes > 0) & ~np.isin(ids >> NODE_BITS & (FUNCTIONS - 1), list(HOST_FUNCTIONS))]
+    objects = nodes[(nodes > 0) & ~np.isin(ids >> NODE_BITS & FUNCTION_MASK, list(HOST_FUNCTIONS))]
     return int(objects[0]) if len(objects) else None
