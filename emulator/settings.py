@@ -1,8 +1,8 @@
 """Settings with stated ranges: the rules of scenario keys, and how a TOML table becomes a frozen dataclass.
 
 Each settings class declares its fields through :func:`number`, :func:`integer`, :func:`text`, :func:`choice`,
-:func:`switch`, :func:`vector`, :func:`table` and :func:`tables`, and calls :func:`check_settings` from
-``__post_init__``; so a value is checked in the same way whether it comes from a file or from code.
+:func:`switch`, :func:`vector`, :func:`table` and :func:`tables`, and derives from :class:`Settings`; so a value is
+checked in the same way whether it comes from a file or from code.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from emulator import ScenarioError
 
@@ -20,19 +20,6 @@ S = TypeVar("S")
 
 MAX_TEXT_BYTES = 200
 MAX_TABLES = 100
-
-
-class _Rule(Protocol):
-    """Checks a value, and returns it in the field's own type."""
-
-    @property
-    def allowed(self) -> str:
-        """What is allowed, for people."""
-        ...
-
-    def accept(self, value: Any) -> Any:  # noqa: ANN401
-        """Return the value as the field holds it; raise ScenarioError saying what is allowed."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -142,6 +129,10 @@ class _Table:
         return tuple(value)
 
 
+_Rule: TypeAlias = _Number | _Text | _Choice | _Switch | _Vector | _Table
+"""Has ``allowed``, for people, and ``accept``, which returns a value in the field's type or raises ScenarioError."""
+
+
 def _field(default: Any, rule: _Rule) -> Any:  # noqa: ANN401
     return dataclasses.field(default=default, metadata={"rule": rule})
 
@@ -188,23 +179,25 @@ def tables(cls: type[Any]) -> Any:  # noqa: ANN401
     return _field((), _Table(cls, many=True))
 
 
-def check_settings(settings: Any) -> None:  # noqa: ANN401
-    """Check every declared field of a frozen settings dataclass and bring it to its own type.
+class Settings:
+    """What the frozen dataclasses of settings have in common: each declared field is checked when one is made.
 
     Raises
     ------
     ScenarioError
         A value is of the wrong kind or out of range; names the key.
     """
-    for field in dataclasses.fields(settings):
-        rule: _Rule | None = field.metadata.get("rule")
-        if rule is None:
-            continue
-        try:
-            value = rule.accept(getattr(settings, field.name))
-        except ScenarioError as error:
-            raise ScenarioError(f"{field.name} {error}") from None
-        object.__setattr__(settings, field.name, value)
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            rule: _Rule | None = field.metadata.get("rule")
+            if rule is None:
+                continue
+            try:
+                value = rule.accept(getattr(self, field.name))
+            except ScenarioError as error:
+                raise ScenarioError(f"{field.name} {error}") from None
+            object.__setattr__(self, field.name, value)
 
 
 def read_table(cls: type[S], data: Mapping[str, Any], where: str = "") -> S:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emulator.motion.rotation import FloatArray
-from emulator.settings import check_settings, integer, number
+from emulator.settings import Settings, integer, number
 
 _WANDER_STREAM = 21
 _TERMS = 3
@@ -23,7 +23,7 @@ _INVERSE_STEPS = 4  # each shrinks the error by the rate error, below 2e-3: 4 re
 
 
 @dataclass(frozen=True)
-class ClockSettings:
+class ClockSettings(Settings):
     """Scenario table ``[clock]``: how the object's clock differs from true time."""
 
     skew_ppm: float = number(18.0, -1000.0, 1000.0)
@@ -34,9 +34,6 @@ class ClockSettings:
     """Typical period of the wander, s."""
     start_us: int = integer(0, 0, 2**52)
     """Uptime at power-up, us: above 4 294 967 296 less a trial's length the clock wraps inside the trial."""
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 class DeviceClock:

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from emulator.motion.rotation import FloatArray, conjugate, from_rotation_vector, multiply, rotate
-from emulator.settings import check_settings, number, text, vector
+from emulator.settings import Settings, number, text, vector
 from firmware_protocol.packets import OrientationFlag
 
 GYRO_FULL_SCALE_DPS = 2000.0
@@ -37,7 +37,7 @@ TrueMotion = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True)
-class ImuSettings:
+class ImuSettings(Settings):
     """Scenario table ``[imu]``: the sensor's faults. All zero is a perfect sensor."""
 
     sensor: str = text("virtual 6-axis", 24)
@@ -66,9 +66,6 @@ class ImuSettings:
     """The overrange flag is set above this rate of turn, deg/s."""
     temperature_c: float = number(38.0, -40.0, 125.0, may_be_nan=True)
     """Sensor temperature in STATUS, degree Celsius."""
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 @dataclass(frozen=True, eq=False)

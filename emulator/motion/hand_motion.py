@@ -27,7 +27,7 @@ import numpy.typing as npt
 from emulator import ScenarioError
 from emulator.motion import cycle_shape
 from emulator.motion.rotation import FloatArray, conjugate, from_rotation_vector, multiply, rotate
-from emulator.settings import check_settings, choice, integer, number, vector
+from emulator.settings import Settings, choice, integer, number, vector
 
 IntArray = npt.NDArray[np.int64]
 
@@ -35,7 +35,7 @@ _TEMPO_STREAM, _AMPLITUDE_STREAM, _DRIFT_STREAM = 11, 12, 13
 
 
 @dataclass(frozen=True)
-class MotionSettings:
+class MotionSettings(Settings):
     """Scenario table ``[motion]``: what the hand does."""
 
     shape: str = choice("cosine", "cosine", "trapezoid", "two-hump")
@@ -74,7 +74,7 @@ class MotionSettings:
     """The timeline starts with the first START the object gets, or when the object powers up."""
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        super().__post_init__()
         if self.shape == "two-hump" and self.saddle_height >= self.second_height:
             raise ScenarioError(f"saddle_height must be below second_height ({self.second_height:g})")
 
@@ -89,7 +89,7 @@ class MotionSettings:
 
 
 @dataclass(frozen=True)
-class DriftSettings:
+class DriftSettings(Settings):
     """Scenario table ``[drift]``: how far the object turns in the hand in each cycle."""
 
     mode: str = choice("constant", "none", "constant", "alternating", "slip", "random-walk")
@@ -104,9 +104,6 @@ class DriftSettings:
     """Slip: angle of that step about the drift axis, in place of ``angle_deg``."""
     scatter_deg: float = number(0.3, 0.0, 30.0)
     """Random walk: standard deviation about each axis of what is added to each step, degrees."""
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
     def check_slip(self, cycles: int) -> None:
         """Raise ScenarioError for a slip that is not a step between the end points of so many cycles."""
