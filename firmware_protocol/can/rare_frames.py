@@ -29,7 +29,7 @@ _ORIENTATION = bytes([PacketType.ORIENTATION])
 
 
 class RareFrames:
-    """The rare packets of one object; the tally counts those that cannot be delivered."""
+    """The rare packets of one object; what is not delivered is counted in the tally."""
 
     def __init__(self, tally: Tally) -> None:
         self._tally = tally

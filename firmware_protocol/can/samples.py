@@ -77,7 +77,7 @@ _NOTHING = FoundSamples(_NO_ROWS, _NO_SAMPLES, _NO_ROWS, _NO_ROWS, _NO_COUNTERS)
 
 
 class SampleDecoder:
-    """The samples of one boot of one object, forgotten by making a new one; the tally counts those of no use."""
+    """The samples of one boot of one object; forgotten by making a new one. The tally counts those of no use."""
 
     def __init__(self, tally: Tally) -> None:
         self.timeline = Timeline()

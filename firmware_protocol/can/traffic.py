@@ -17,7 +17,7 @@ _NOT_DATA = int(FrameFlag.ERROR | FrameFlag.REMOTE | FrameFlag.EXTENDED | FrameF
 
 
 class Traffic:
-    """Picks out the frames of one object, without a node id of the first that is heard, and counts the others."""
+    """Picks out the frames of one object (the first that is heard, where the node id is None), counts the others."""
 
     def __init__(self, node: int | None, tally: Tally) -> None:
         self.node = node
