@@ -123,7 +123,7 @@ class ImuModel:
         return np.concatenate(drawn)[start : start + n]
 
     def read(self, times_s: FloatArray, true_motion: TrueMotion, first: int, boot: int) -> Readings:
-        """Return what the sensor measures at true times (n,) since power-up, n >= 1, s.
+        """Return what the sensor measures at true times (n,) since power-up, s, n >= 1.
 
         Parameters
         ----------

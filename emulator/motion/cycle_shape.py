@@ -80,6 +80,6 @@ def trapezoid(dwell: float) -> CycleShape:
 def two_hump(second_height: float, saddle_height: float) -> CycleShape:
     """Return a shape that goes to the far extreme, half back, and up again to a lower peak before it returns.
 
-    The second peak is below 1 and above the saddle, the turn between the peaks; that is above 0.
+    The second peak's height is below 1 and above that of the saddle, the turn between the peaks, which is above 0.
     """
     return CycleShape((0.0, 0.3, 0.5, 0.7, 1.0), (0.0, 1.0, saddle_height, second_height, 0.0), far_phase=0.3)
