@@ -63,7 +63,7 @@ class DeviceClock:
         return int(np.floor(self.uptime_us(np.array([time_s]))[0] + _ROUNDING_US))
 
     def time_s(self, uptime_us: FloatArray) -> FloatArray:
-        """Return the true time (n,), s, at which the clock shows an uptime (n,), us, without wrap; exact to rounding."""
+        """Return the true time (n,), s, at which the clock shows an uptime (n,), us, not wrapped; exact to rounding."""
         target = np.asarray(uptime_us, dtype=np.float64) - self._offset_us
         times_s = target / (1e6 * self._rate)
         for _ in range(_INVERSE_STEPS):
