@@ -11,7 +11,7 @@ import numpy.typing as npt
 from benchmarks.sample_streams import turning
 from firmware_protocol.can.dbc import dbc_text
 from firmware_protocol.can.frames import BATCH_VERSION, CLASSIC_BYTES, record_dtype
-from firmware_protocol.can.mapping import CanFunction, SampleState, TimeMark, arbitration_id, time_interval
+from firmware_protocol.can.mapping import CanFunction, arbitration_id, sample_state_data, time_data, time_interval
 from firmware_protocol.quantization import quats_to_smallest_three
 
 NODE = 1
@@ -50,8 +50,8 @@ def classic_log(n: int) -> bytes:
     records["host_time_ns"][place] = host_ns
     for k, counter in enumerate(marks):
         row = counter + 2 * k
-        state = SampleState(counter, 8, RATE_HZ, 1).to_bytes()
-        mark = TimeMark(counter, counter * 1000).to_bytes()
+        state = sample_state_data(counter, 8, RATE_HZ, 1)
+        mark = time_data(counter, counter * 1000)
         for step, (function, data) in enumerate(((CanFunction.SAMPLE_STATE, state), (CanFunction.TIME, mark))):
             records["arbitration_id"][row + step] = arbitration_id(function, NODE)
             records["code"][row + step] = int.from_bytes(data, "little")

@@ -65,8 +65,8 @@ class VirtualTransport(Transport):
             raise LinkEnd
         with self._lock:
             for command in self._wire.receive():
-                self._virtual.receive(command, now_s)
-        self._virtual.step(now_s, self._wire.send)
+                self._virtual.firmware.receive(command, now_s)
+        self._virtual.firmware.step(now_s, self._wire.send)
         data = self._wire.take()
         self.now_ns = START_NS + round(1e9 * now_s)
         if not data:

@@ -33,16 +33,6 @@ _TRUTH_EVERY_S = 2.0
 _VIRTUAL_LIMIT_S = 7 * 86_400.0
 
 
-@dataclass(frozen=True)
-class RunResult:
-    """The outcome of a run."""
-
-    duration_s: float
-    """How long the object was powered, in its own world's true time, s."""
-    truth: dict[str, Any]
-    """The truth at the end."""
-
-
 def run(
     scenario: Scenario,
     link: Link,
@@ -53,7 +43,7 @@ def run(
     *,
     seed: int | None = None,
     live_faults: SimpleQueue[LiveFault] | None = None,
-) -> RunResult:
+) -> dict[str, Any]:
     """Run a virtual object until its time is over, ``stop`` is set, or Ctrl-C; blocks.
 
     Parameters
@@ -79,7 +69,8 @@ def run(
 
     Returns
     -------
-    RunResult
+    dict
+        The truth at the end.
 
     Raises
     ------
@@ -100,7 +91,7 @@ def run(
         with contextlib.suppress(KeyboardInterrupt):  # the ordinary way to end a run without a duration
             (bench.virtual_time if link.virtual_time else bench.real_time)(duration_s)
         end_s = bench.now_s
-    return RunResult(end_s, truth.write(end_s, complete=True))
+    return truth.write(end_s, complete=True)
 
 
 class _TruthFile:

@@ -17,13 +17,13 @@ from emulator.device.imu_model import ImuSettings
 from emulator.device.settings import DeviceSettings
 from emulator.faults.definitions import FaultSettings
 from emulator.motion.hand_motion import DriftSettings, MotionSettings
-from emulator.settings import check_settings, integer, read_table, table, text
+from emulator.settings import Settings, integer, read_table, table, text
 
 MAX_FILE_BYTES = 100_000
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(Settings):
     """Everything a run needs but the link, the time and, if another is wanted, the seed."""
 
     purpose: str = text("")
@@ -46,7 +46,7 @@ class Scenario:
     """Name of the shipped scenario, or stem of the file."""
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        super().__post_init__()
         self.drift.check_slip(self.motion.cycles)
         if not self.device.answers and self.motion.begins == "on-start":
             raise ScenarioError('an object that does not answer needs motion.begins = "at-power-up"')
@@ -69,10 +69,6 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     ----------
     name_or_path : str or Path
         A name of :func:`scenario_names`; anything with a ``.toml`` ending or a separator is a path.
-
-    Returns
-    -------
-    Scenario
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Settings with stated ranges: the rules of scenario keys, and how a TOML table becomes a frozen dataclass.
 
 Each settings class declares its fields through :func:`number`, :func:`integer`, :func:`text`, :func:`choice`,
-:func:`switch`, :func:`vector`, :func:`table` and :func:`tables`, and calls :func:`check_settings` from
-``__post_init__``; so a value is checked in the same way whether it comes from a file or from code.
+:func:`switch`, :func:`vector`, :func:`table` and :func:`tables`, and derives from :class:`Settings`; so a value is
+checked in the same way whether it comes from a file or from code.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from emulator import ScenarioError
 
@@ -20,19 +20,6 @@ S = TypeVar("S")
 
 MAX_TEXT_BYTES = 200
 MAX_TABLES = 100
-
-
-class _Rule(Protocol):
-    """Checks a value, and returns it in the field's own type."""
-
-    @property
-    def allowed(self) -> str:
-        """What is allowed, for people."""
-        ...
-
-    def accept(self, value: Any) -> Any:  # noqa: ANN401
-        """Return the value as the field holds it; raise ScenarioError saying what is allowed."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -142,6 +129,10 @@ class _Table:
         return tuple(value)
 
 
+_Rule: TypeAlias = _Number | _Text | _Choice | _Switch | _Vector | _Table
+"""Has ``allowed``, for people, and ``accept``, which returns a value in the field's type or raises ScenarioError."""
+
+
 def _field(default: Any, rule: _Rule) -> Any:  # noqa: ANN401
     return dataclasses.field(default=default, metadata={"rule": rule})
 
@@ -172,12 +163,7 @@ def switch(default: bool) -> Any:  # noqa: ANN401
 
 
 def vector(
-    default: tuple[float, ...],
-    low: float = -1e6,
-    high: float = 1e6,
-    *,
-    unit: bool = False,
-    may_be_nan: bool = False,
+    default: tuple[float, ...], low: float = -1e6, high: float = 1e6, *, unit: bool = False, may_be_nan: bool = False
 ) -> Any:  # noqa: ANN401
     """Declare a tuple of floats as long as the default; ``unit`` asks for length 1 within 0.01 and makes it exact."""
     return _field(default, _Vector(len(default), _Number(low, high, may_be_nan=may_be_nan), unit=unit))
@@ -193,41 +179,31 @@ def tables(cls: type[Any]) -> Any:  # noqa: ANN401
     return _field((), _Table(cls, many=True))
 
 
-def check_settings(settings: Any) -> None:  # noqa: ANN401
-    """Check every declared field of a frozen settings dataclass and bring it to its own type.
+class Settings:
+    """What the frozen dataclasses of settings have in common: each declared field is checked when one is made.
 
     Raises
     ------
     ScenarioError
         A value is of the wrong kind or out of range; names the key.
     """
-    for field in dataclasses.fields(settings):
-        rule: _Rule | None = field.metadata.get("rule")
-        if rule is None:
-            continue
-        try:
-            value = rule.accept(getattr(settings, field.name))
-        except ScenarioError as error:
-            raise ScenarioError(f"{field.name} {error}") from None
-        object.__setattr__(settings, field.name, value)
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            rule: _Rule | None = field.metadata.get("rule")
+            if rule is None:
+                continue
+            try:
+                value = rule.accept(getattr(self, field.name))
+            except ScenarioError as error:
+                raise ScenarioError(f"{field.name} {error}") from None
+            object.__setattr__(self, field.name, value)
 
 
 def read_table(cls: type[S], data: Mapping[str, Any], where: str = "") -> S:
-    """Make a settings dataclass from a parsed TOML table.
+    """Return a settings dataclass, frozen and checked, from a parsed TOML table.
 
-    Parameters
-    ----------
-    cls : type
-        The settings class.
-    data : mapping
-        The table.
-    where : str
-        Dotted name of the table, for messages; empty at the top.
-
-    Returns
-    -------
-    cls
-        Frozen and checked.
+    ``where`` is the dotted name of the table, for messages; empty at the top.
 
     Raises
     ------

@@ -66,15 +66,7 @@ def mean_drift(quats_wxyz: FloatArray) -> tuple[float | None, list[float] | None
 
 
 class EndpointWatch:
-    """Finds the sample nearest to each end point while samples are produced.
-
-    Parameters
-    ----------
-    extremes : Extremes
-        End points of one kind.
-    clock : DeviceClock
-        The object's clock.
-    """
+    """Finds the sample nearest to each end point of one kind while samples are produced."""
 
     def __init__(self, extremes: Extremes, clock: DeviceClock) -> None:
         self._extremes, self._clock = extremes, clock

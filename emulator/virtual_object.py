@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from emulator.device.clock import DeviceClock
 from emulator.device.firmware import Firmware
 from emulator.device.imu_model import ImuModel
 from emulator.device.sample_stream import SampleBlock
-from emulator.device.transmit_queue import Sink
 from emulator.motion.hand_motion import HandMotion
 from emulator.motion.rotation import FloatArray
 from emulator.scenario import Scenario
@@ -22,41 +22,30 @@ class VirtualObject:
 
     A pure function of given time, commands and seed: it has no clock, no I/O and sleeps nowhere.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        What it does.
-    seed : int, optional
-        Seed of everything random; the scenario's where None.
-
-    Attributes
-    ----------
-    firmware
-        The object's state machine; faults act on it.
-    hand_start_s
-        When the hand's timeline started, s since power-up; None while it waits for the first START.
+    Without a seed, everything random follows the scenario's.
     """
 
     def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
         self.scenario = scenario
         self.seed = scenario.seed if seed is None else seed
         self.motion = HandMotion(scenario.motion, scenario.drift, self.seed)
-        self.clock = DeviceClock(scenario.clock, self.seed)
-        self.imu = ImuModel(scenario.imu, scenario.device.card.mounting_q_body_sensor, self.seed)
         self.hand_start_s: float | None = None
+        """When the hand's timeline started, s since power-up; None while it waits for the first START."""
         self.endpoints_met = 0
         """Grows whenever the truth has something new about an end point."""
-        self._primary = EndpointWatch(self.motion.primary(), self.clock)
-        self._other = EndpointWatch(self.motion.other(), self.clock)
+        clock = DeviceClock(scenario.clock, self.seed)
+        self._primary = EndpointWatch(self.motion.primary(), clock)
+        self._other = EndpointWatch(self.motion.other(), clock)
         self.firmware = Firmware(
             scenario.device,
-            self.imu,
-            self.clock,
+            ImuModel(scenario.imu, scenario.device.card.mounting_q_body_sensor, self.seed),
+            clock,
             self.true_motion,
             self.seed,
             on_start=self._on_start,
             on_samples=self._on_samples,
         )
+        """The object's state machine: it is stepped, commanded, and faults act on it."""
         if scenario.motion.begins == "at-power-up":
             self._start_hand(0.0)
         self.firmware.power_up(0.0)
@@ -74,20 +63,7 @@ class VirtualObject:
         self.endpoints_met += self._primary.feed(block, boot) + self._other.feed(block, boot)
 
     def true_motion(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the true orientation and world-frame rate of turn.
-
-        Parameters
-        ----------
-        times_s : (n,)
-            Since power-up, s.
-
-        Returns
-        -------
-        quats_wxyz : numpy.ndarray
-            (n, 4) body to world.
-        rates_rad_s : numpy.ndarray
-            (n, 3) rad/s.
-        """
+        """Return the true motion at times since power-up; see :data:`emulator.device.imu_model.TrueMotion`."""
         motion_times_s = np.zeros_like(times_s) if self.hand_start_s is None else times_s - self.hand_start_s
         return self.motion.orientation(motion_times_s), self.motion.angular_velocity(motion_times_s)
 
@@ -96,24 +72,10 @@ class VirtualObject:
         """When the hand's timeline is over, s since power-up; infinite while it has not started."""
         return np.inf if self.hand_start_s is None else self.hand_start_s + self.motion.duration_s
 
-    @property
-    def next_due_s(self) -> float:
-        """When :meth:`step` has something to do next, if no command comes, s."""
-        return self.firmware.next_due_s
-
-    def step(self, now_s: float, sink: Sink) -> None:
-        """Do all that is due by now and hand encoded packets to the link; times never decrease."""
-        self.firmware.step(now_s, sink)
-
-    def receive(self, command: bytes, now_s: float) -> None:
-        """Process one encoded packet from the host, after :meth:`step` up to now."""
-        self.firmware.receive(command, now_s)
-
     def truth(self) -> dict[str, Any]:
         """Return what is true of the run so far, ready for JSON; see :mod:`emulator.truth`."""
         scenario = self.scenario
         primary = self._primary.document()
-        counters = self.firmware.counters
         return {
             "format": FORMAT,
             "scenario": scenario.name,
@@ -144,9 +106,6 @@ class VirtualObject:
             "device": {
                 "device_id": scenario.device.device_id,
                 "boot_ids": list(self.firmware.boot_ids),
-                "samples_produced": counters.samples_produced,
-                "samples_dropped": counters.samples_dropped,
-                "commands": counters.commands,
-                "refusals": counters.refusals,
+                **asdict(self.firmware.counters),
             },
         }

@@ -11,30 +11,9 @@ import struct
 
 import numpy as np
 
-from firmware_protocol.errors import (
-    MalformedPacketError,
-    PacketValueError,
-    ProtocolError,
-    UnknownPacketTypeError,
-    UnsupportedVersionError,
-)
+from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
 from firmware_protocol.packets import PROTOCOL_MAJOR, Packet, PacketType
 from firmware_protocol.wire_values import FROM_WIRE, TO_WIRE
-
-__all__ = [
-    "FIELDS",
-    "ORIENTATION_DTYPE",
-    "STREAMED",
-    "MalformedPacketError",
-    "PacketValueError",
-    "ProtocolError",
-    "UnknownPacketTypeError",
-    "UnsupportedVersionError",
-    "decode_packet",
-    "encode_packet",
-    "is_extended",
-    "packet_bytes",
-]
 
 STREAMED: dict[PacketType, struct.Struct] = {
     PacketType.ORIENTATION: struct.Struct("<BHI4hB"),
@@ -61,18 +40,13 @@ _STREAMED_BYTES = {
 }
 
 
-def packet_bytes(packet_type: int) -> int:
-    """Return the size of a packet of this version in bytes, type byte included."""
-    if packet_type in _STREAMED_BYTES:
-        return _STREAMED_BYTES[packet_type][0]
-    from firmware_protocol import schema
-
-    return schema.PACKET_BYTES[PacketType(packet_type)]
-
-
 def is_extended(data: bytes) -> bool:
     """Return whether a packet that :func:`decode_packet` accepts has fields of a newer minor version at its end."""
-    return len(data) > packet_bytes(data[0])
+    if data[0] in _STREAMED_BYTES:
+        return len(data) > _STREAMED_BYTES[data[0]][0]
+    from firmware_protocol import schema
+
+    return len(data) > schema.PACKET_BYTES[PacketType(data[0])]
 
 
 def encode_packet(packet: Packet) -> bytes:
@@ -118,7 +92,8 @@ def decode_packet(data: bytes) -> Packet:
     try:
         packet_type = PacketType(data[0])
     except ValueError:
-        raise UnknownPacketTypeError(data[0]) from None
+        name = f"packet type 0x{data[0]:02X}"
+        raise UnknownPacketTypeError(f"{name} is not known to this version of the protocol") from None
     if packet_type is PacketType.INFO and len(data) >= 3 and data[1] != PROTOCOL_MAJOR:
         raise UnsupportedVersionError(data[1], data[2])
     from firmware_protocol import schema

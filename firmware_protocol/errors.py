@@ -22,27 +22,11 @@ class MalformedPacketError(ProtocolError):
 
 
 class UnknownPacketTypeError(ProtocolError):
-    """A packet type that this version does not know.
-
-    Attributes
-    ----------
-    type_byte
-        The first byte of the packet.
-    """
-
-    def __init__(self, type_byte: int) -> None:
-        super().__init__(f"packet type 0x{type_byte:02X} is not known to this version of the protocol")
-        self.type_byte = type_byte
+    """A packet type that this version does not know; the message names it."""
 
 
 class UnsupportedVersionError(ProtocolError):
-    """INFO of an object that speaks another major version; nothing else in the packet can be trusted.
-
-    Attributes
-    ----------
-    protocol_major, protocol_minor
-        The version the object speaks.
-    """
+    """INFO of an object that speaks another major version; nothing but that version can be trusted."""
 
     def __init__(self, protocol_major: int, protocol_minor: int) -> None:
         super().__init__(f"the object speaks protocol version {protocol_major}.{protocol_minor}")

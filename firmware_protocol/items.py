@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TypeAlias
@@ -70,6 +70,23 @@ class StreamCounters(FrameCounters):
     """INFO packets of another major version."""
     extended: int = 0
     """Of the packets delivered, those with fields of a newer minor version at their end."""
+
+
+def in_wire_order(samples: OrientationBatch, others: Iterable[tuple[int, Packet | ForeignInfo]]) -> list[StreamItem]:
+    """Return samples and other packets in wire order; samples with nothing else between them come as one batch.
+
+    With each of the others, in order, stands before which of the samples it came.
+    """
+    items: list[StreamItem] = []
+    delivered, n = 0, len(samples)
+    for position, packet in others:
+        if position > delivered:
+            items.append(samples.part(slice(delivered, position)))
+            delivered = position
+        items.append(packet)
+    if n > delivered:
+        items.append(samples.part(slice(delivered, n)) if delivered else samples)
+    return items
 
 
 def decode_counted(data: bytes, tally: Tally) -> Packet | ForeignInfo | None:

@@ -280,81 +280,73 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True)
-class GetInfo:
-    """Ask for INFO; answered by ACK, then INFO."""
+class _Command:
+    """What all commands have."""
 
-    packet_type: ClassVar[PacketType] = PacketType.GET_INFO
     command_id: int
-    """Chosen by the host, repeated in the ACK, u8."""
+    """Chosen by the host, repeated in the answer, u8."""
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class GetInfo(_Command):
+    """Ask for INFO; answered by ACK, then INFO."""
+
+    packet_type: ClassVar[PacketType] = PacketType.GET_INFO
+
+
+@dataclass(frozen=True, slots=True)
+class Start(_Command):
     """Start streaming; the sequence goes on from where it was."""
 
     packet_type: ClassVar[PacketType] = PacketType.START
-    command_id: int
-    """u8."""
     with_raw_imu: bool = False
     """Also stream RAW_IMU, u8."""
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class Stop(_Command):
     """Stop streaming."""
 
     packet_type: ClassVar[PacketType] = PacketType.STOP
-    command_id: int
-    """u8."""
 
 
 @dataclass(frozen=True, slots=True)
-class SetRate:
+class SetRate(_Command):
     """Set the orientation rate."""
 
     packet_type: ClassVar[PacketType] = PacketType.SET_RATE
-    command_id: int
-    """u8."""
     rate_hz: int
     """10-1000 Hz, u16; others are refused with INVALID_ARGUMENT."""
 
 
 @dataclass(frozen=True, slots=True)
-class Identify:
+class Identify(_Command):
     """Blink, so that a person finds the object."""
 
     packet_type: ClassVar[PacketType] = PacketType.IDENTIFY
-    command_id: int
-    """u8."""
     duration_s: int = 3
     """u8."""
 
 
 @dataclass(frozen=True, slots=True)
-class Calibrate:
+class Calibrate(_Command):
     """Estimate the gyro bias while the object is held still; refused with NOT_STILL otherwise."""
 
     packet_type: ClassVar[PacketType] = PacketType.CALIBRATE
-    command_id: int
-    """u8."""
 
 
 @dataclass(frozen=True, slots=True)
-class TimeRequest:
+class TimeRequest(_Command):
     """Ask for the device clock; answered by TIME_REPLY alone."""
 
     packet_type: ClassVar[PacketType] = PacketType.TIME_REQUEST
-    command_id: int
-    """u8."""
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class Mark(_Command):
     """Put a marker into the stream; comes back as EVENT with the device time at which it took effect."""
 
     packet_type: ClassVar[PacketType] = PacketType.MARK
-    command_id: int
-    """u8."""
     marker: int = 0
     """u16."""
 

@@ -40,7 +40,7 @@ SMALLEST_THREE_OFFSET = 1 << (SMALLEST_THREE_BITS - 1)
 SMALLEST_THREE_SCALE = (SMALLEST_THREE_OFFSET - 1) * math.sqrt(2.0)
 """A code is ``SMALLEST_THREE_OFFSET + round(component * SMALLEST_THREE_SCALE)``: zero is exact, code 0 never sent."""
 SMALLEST_THREE_MAX_ERROR_RAD = 2.02 / SMALLEST_THREE_SCALE
-"""Largest rotation angle of what :func:`quat_to_smallest_three` makes: 1.0897e-5 rad = 0.00063°.
+"""Largest rotation angle of what :func:`quats_to_smallest_three` makes: 1.0897e-5 rad = 0.00063°.
 
 An error δ of the three sent components v moves the fourth, a, by −v·δ/a: the four-vector is off by
 √(δᵀ(I + vvᵀ/a²)δ). The encoder picks the best of the eight neighbouring code triples, which keeps this within one
@@ -136,22 +136,16 @@ def quats_from_q15(codes: npt.NDArray[np.int16]) -> tuple[FloatArray, npt.NDArra
     return values * scale[:, None], valid
 
 
-def quat_to_smallest_three(q_wxyz: Sequence[float]) -> int:
-    """Quantise one unit quaternion to 56 bits: index in bits 54-55, then 18 bits each, component order kept.
+def quats_to_smallest_three(quats_wxyz: npt.ArrayLike) -> npt.NDArray[np.uint64]:
+    """Quantise quaternions (n, 4) to 56-bit codes (n,): index in bits 54-55, then 18 bits each, component order kept.
+
+    Of the eight code triples around the exact one, the one whose quaternion is nearest is sent (error bound
+    ``SMALLEST_THREE_MAX_ERROR_RAD``).
 
     Raises
     ------
     PacketValueError
-        The norm is off by more than ``NORM_TOLERANCE``.
-    """
-    return int(quats_to_smallest_three(np.array([_unit(q_wxyz)]))[0])
-
-
-def quats_to_smallest_three(quats_wxyz: npt.ArrayLike) -> npt.NDArray[np.uint64]:
-    """Quantise quaternions (n, 4) to 56-bit codes (n,) uint64; see :func:`quat_to_smallest_three`.
-
-    Of the eight code triples around the exact one, the one whose quaternion is nearest is sent (error bound
-    ``SMALLEST_THREE_MAX_ERROR_RAD``).
+        A norm is off by more than ``NORM_TOLERANCE``.
     """
     quats = _units(quats_wxyz)
     rows = np.arange(len(quats))

@@ -1,8 +1,8 @@
 """The normative description of the bytes, in construct: every packet, field by field, little endian.
 
 Nothing else imports construct. The names are those of :mod:`firmware_protocol.packets`; units and scales stand in
-``docs/protocol.md``, whose tables a test compares with :func:`field_rows`. A packet is its type byte and its fields,
-with no padding; a newer minor version may add bytes behind the last field, so parsing ignores what follows.
+``docs/protocol.md``, whose tables a test compares with :data:`SCHEMA`. A packet is its type byte and its fields, with
+no padding; a newer minor version may add bytes behind the last field, so parsing ignores what follows.
 
 Other modules see a packet's fields as one flat tuple of numbers and bytes, in wire order (:func:`parse`,
 :func:`build`).
@@ -12,7 +12,6 @@ Other modules see a packet's fields as one flat tuple of numbers and bytes, in w
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from construct import (
@@ -22,7 +21,6 @@ from construct import (
     Construct,
     ConstructError,
     Float32l,
-    FormatField,
     Int8ul,
     Int16sl,
     Int16ul,
@@ -40,15 +38,11 @@ WireValue: TypeAlias = int | float | bytes
 """One field, or one element of an array field, as it stands on the wire."""
 
 
-def _packet(packet_type: PacketType, *fields: Construct) -> Struct:
-    return Struct("packet_type" / Const(int(packet_type), Int8ul), *fields)
-
-
 _WEIGHT = Struct("slot" / Int8ul, "mass_cg" / Int16ul)
+_COMMAND_ID = "command_id" / Int8ul
 
-SCHEMA: dict[PacketType, Struct] = {
-    PacketType.INFO: _packet(
-        PacketType.INFO,
+_FIELDS: dict[PacketType, tuple[Construct, ...]] = {
+    PacketType.INFO: (
         "protocol_major" / Int8ul,
         "protocol_minor" / Int8ul,
         "device_id" / Int64ul,
@@ -67,15 +61,13 @@ SCHEMA: dict[PacketType, Struct] = {
         "weights" / _WEIGHT[MAX_WEIGHTS],
         "mounting_q_body_sensor" / Float32l[4],
     ),
-    PacketType.ORIENTATION: _packet(
-        PacketType.ORIENTATION,
+    PacketType.ORIENTATION: (
         "sequence" / Int16ul,
         "device_time_us" / Int32ul,
         "q_wxyz" / Int16sl[4],
         "flags" / Int8ul,
     ),
-    PacketType.STATUS: _packet(
-        PacketType.STATUS,
+    PacketType.STATUS: (
         "uptime_us" / Int64ul,
         "state" / Int8ul,
         "samples_produced" / Int64ul,
@@ -85,74 +77,32 @@ SCHEMA: dict[PacketType, Struct] = {
         "gyro_bias_dps" / Int16sl[3],
         "errors" / Int16ul,
     ),
-    PacketType.RAW_IMU: _packet(
-        PacketType.RAW_IMU,
+    PacketType.RAW_IMU: (
         "sequence" / Int16ul,
         "device_time_us" / Int32ul,
         "gyro_dps" / Int16sl[3],
         "acceleration_g" / Int16sl[3],
     ),
-    PacketType.ACK: _packet(PacketType.ACK, "command_type" / Int8ul, "command_id" / Int8ul, "code" / Int8ul),
-    PacketType.TIME_REPLY: _packet(
-        PacketType.TIME_REPLY,
-        "command_id" / Int8ul,
-        "receive_uptime_us" / Int64ul,
-        "transmit_uptime_us" / Int64ul,
-    ),
-    PacketType.EVENT: _packet(PacketType.EVENT, "device_time_us" / Int32ul, "kind" / Int8ul, "value" / Int16ul),
-    PacketType.GET_INFO: _packet(PacketType.GET_INFO, "command_id" / Int8ul),
-    PacketType.START: _packet(PacketType.START, "command_id" / Int8ul, "with_raw_imu" / Int8ul),
-    PacketType.STOP: _packet(PacketType.STOP, "command_id" / Int8ul),
-    PacketType.SET_RATE: _packet(PacketType.SET_RATE, "command_id" / Int8ul, "rate_hz" / Int16ul),
-    PacketType.IDENTIFY: _packet(PacketType.IDENTIFY, "command_id" / Int8ul, "duration_s" / Int8ul),
-    PacketType.CALIBRATE: _packet(PacketType.CALIBRATE, "command_id" / Int8ul),
-    PacketType.TIME_REQUEST: _packet(PacketType.TIME_REQUEST, "command_id" / Int8ul),
-    PacketType.MARK: _packet(PacketType.MARK, "command_id" / Int8ul, "marker" / Int16ul),
+    PacketType.ACK: ("command_type" / Int8ul, _COMMAND_ID, "code" / Int8ul),
+    PacketType.TIME_REPLY: (_COMMAND_ID, "receive_uptime_us" / Int64ul, "transmit_uptime_us" / Int64ul),
+    PacketType.EVENT: ("device_time_us" / Int32ul, "kind" / Int8ul, "value" / Int16ul),
+    PacketType.GET_INFO: (_COMMAND_ID,),
+    PacketType.START: (_COMMAND_ID, "with_raw_imu" / Int8ul),
+    PacketType.STOP: (_COMMAND_ID,),
+    PacketType.SET_RATE: (_COMMAND_ID, "rate_hz" / Int16ul),
+    PacketType.IDENTIFY: (_COMMAND_ID, "duration_s" / Int8ul),
+    PacketType.CALIBRATE: (_COMMAND_ID,),
+    PacketType.TIME_REQUEST: (_COMMAND_ID,),
+    PacketType.MARK: (_COMMAND_ID, "marker" / Int16ul),
+}
+SCHEMA: dict[PacketType, Struct] = {
+    packet_type: Struct("packet_type" / Const(int(packet_type), Int8ul), *fields)
+    for packet_type, fields in _FIELDS.items()
 }
 """Every packet of this version."""
 
 PACKET_BYTES: dict[PacketType, int] = {packet_type: struct.sizeof() for packet_type, struct in SCHEMA.items()}
 """Size of each packet with its type byte; in this version every packet has a fixed size."""
-
-
-@dataclass(frozen=True, slots=True)
-class FieldRow:
-    """One row of a packet's field table."""
-
-    offset: int
-    """Bytes from the start of the packet; the type byte is at 0."""
-    wire_type: str
-    """``u8 u16 u32 u64 i16 f32 char``, with ``[n]`` where there are n of them; ``{u8, u16}[n]`` for records."""
-    size: int
-    """Bytes."""
-    name: str
-    """Field name, as in the packet's dataclass."""
-
-
-_NUMBER_NAMES = {"<B": "u8", "<H": "u16", "<L": "u32", "<Q": "u64", "<h": "i16", "<f": "f32"}
-
-
-def _wire_type(field: Construct) -> str:
-    if isinstance(field, Renamed | Const):
-        return _wire_type(field.subcon)
-    if isinstance(field, Array):
-        return f"{_wire_type(field.subcon)}[{field.count}]"
-    if isinstance(field, Struct):
-        return "{" + ", ".join(_wire_type(part) for part in field.subcons) + "}"
-    if isinstance(field, FormatField):
-        # construct writes the one-byte number big endian, where order means nothing.
-        return _NUMBER_NAMES["<" + field.fmtstr[1:]]
-    return f"char[{field.sizeof()}]"
-
-
-def field_rows(packet_type: PacketType) -> tuple[FieldRow, ...]:
-    """Return the field table of a packet as the schema defines it, type byte first."""
-    rows = []
-    offset = 0
-    for field in SCHEMA[packet_type].subcons:
-        rows.append(FieldRow(offset, _wire_type(field), field.sizeof(), field.name))
-        offset += field.sizeof()
-    return tuple(rows)
 
 
 def _flatten(value: Any) -> Iterator[WireValue]:  # noqa: ANN401 (construct's own containers)

@@ -63,17 +63,10 @@ def _member(kind: type[_Enum], name: str, value: int, error: type[Exception]) ->
         raise error(f"{name} {value} is not one of {table}") from None
 
 
-def _measured(name: str, value: float, lsb: float, low: int = -0x7FFF) -> int:
-    if math.isnan(value):
+def _measured(name: str, steps: float, low: int = -0x7FFF) -> int:
+    if math.isnan(steps):
         raise PacketValueError(f"{name} must be a number, not NaN")
-    return round(min(max(value / lsb, low), 0x7FFF))
-
-
-def _decimal(name: str, value: float, per_unit: int, low: int = -0x7FFF) -> int:
-    # Multiplying by a power of ten, not dividing by its inexact reciprocal: what was decoded encodes to itself.
-    if math.isnan(value):
-        raise PacketValueError(f"{name} must be a number, not NaN")
-    return round(min(max(value * per_unit, low), 0x7FFF))
+    return round(min(max(steps, low), 0x7FFF))
 
 
 def _real(name: str, value: float, low: float, error: type[Exception]) -> float:
@@ -205,8 +198,9 @@ def _status_to_wire(packet: p.Status) -> WireValues:
         _integer("samples_produced", packet.samples_produced, 64),
         _integer("samples_dropped", packet.samples_dropped, 32),
         _integer("battery_mv", packet.battery_mv, 16),
-        TEMPERATURE_UNKNOWN if unknown else _decimal("temperature_c", packet.temperature_c, 100),
-        *(_decimal("gyro_bias_dps", bias, 1000) for bias in _three("gyro_bias_dps", packet.gyro_bias_dps)),
+        # Multiplied by a power of ten, not divided by its inexact reciprocal: what was decoded encodes to itself.
+        TEMPERATURE_UNKNOWN if unknown else _measured("temperature_c", 100 * packet.temperature_c),
+        *(_measured("gyro_bias_dps", 1000 * bias) for bias in _three("gyro_bias_dps", packet.gyro_bias_dps)),
         _integer("errors", packet.errors, 16),
     )
 
@@ -235,10 +229,10 @@ def _raw_imu_to_wire(packet: p.RawImu) -> WireValues:
     return (
         _integer("sequence", packet.sequence, 16),
         _integer("device_time_us", packet.device_time_us, 32),
-        *(_measured("gyro_dps", v, GYRO_LSB_DPS, -0x8000) for v in _three("gyro_dps", packet.gyro_dps)),
+        *(_measured("gyro_dps", rate / GYRO_LSB_DPS, -0x8000) for rate in _three("gyro_dps", packet.gyro_dps)),
         *(
-            _measured("acceleration_g", v, ACCELERATION_LSB_G, -0x8000)
-            for v in _three("acceleration_g", packet.acceleration_g)
+            _measured("acceleration_g", force / ACCELERATION_LSB_G, -0x8000)
+            for force in _three("acceleration_g", packet.acceleration_g)
         ),
     )
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from emulator.links import Link as ObjectLink
 from emulator.links import open_link
-from emulator.links.can.link import FrameTamper
 from emulator.runner import run
 from emulator.scenario import load_scenario
+from firmware_protocol.can.encoder import CanObject
+from firmware_protocol.can.frames import CanFrame
 from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import Info, OrientationBatch, PacketType, Status
 from firmware_protocol.serial.decoder import encode_command
@@ -58,10 +59,40 @@ class Got:
         return [item for item in self.items if isinstance(item, kind)]
 
 
+class TamperedEnd:
+    """An object's end of the bus that counts the frames it sends, with faults on them between it and its link."""
+
+    def __init__(self, end: CanObject, tamper: Callable[[CanFrame], list[CanFrame]] | None = None) -> None:
+        self._end = end
+        self.tamper = tamper
+        self.n_sent = 0
+
+    def _sent(self, frames: list[CanFrame]) -> list[CanFrame]:
+        if self.tamper is not None:
+            frames = [out for frame in frames for out in self.tamper(frame)]
+        self.n_sent += len(frames)
+        return frames
+
+    def encode(self, packets: Sequence[bytes]) -> list[CanFrame]:
+        return self._sent(self._end.encode(packets))
+
+    def receive(self, frame: CanFrame) -> tuple[list[bytes], list[CanFrame]]:
+        packets, replies = self._end.receive(frame)
+        return packets, self._sent(replies)
+
+    def poll(self) -> list[CanFrame]:
+        return self._sent(self._end.poll())
+
+    def reset(self) -> None:
+        self._end.reset()
+
+
 @contextlib.contextmanager
 def object_on(address: str, scenario: str = "default", seed: int = 1) -> Iterator[tuple[str, ObjectLink]]:
     """Run a virtual object on a link; yields the URI for the host and the object's end."""
     link = open_link(address)
+    if address.startswith("can:"):
+        link.object_end = TamperedEnd(link.object_end)
     stop, ready = threading.Event(), threading.Event()
     uri: list[str] = []
 
@@ -125,7 +156,7 @@ def _turn(transport: Any, got: Got) -> bool:
 def over(
     address: str,
     packets: list[bytes],
-    tamper: FrameTamper | None = None,
+    tamper: Callable[[CanFrame], list[CanFrame]] | None = None,
     wanted: int | None = None,
 ) -> list[AnyChunk]:
     """Send packets over a link, as fast as it takes them, and return what the host receives.
@@ -138,7 +169,7 @@ def over(
     go, done = threading.Event(), threading.Event()
     with open_link(address) as link:
         if tamper is not None:
-            link.frame_tamper = tamper
+            link.object_end = TamperedEnd(link.object_end, tamper)
         thread = threading.Thread(target=_send, args=(link, packets, go, done), daemon=True)
         thread.start()
         try:

@@ -19,8 +19,8 @@ def trial_packets(scenario: str, seconds: float) -> list[bytes]:
         sent.extend(offered)
         return len(offered)
 
-    virtual.step(0.0, sink)
-    virtual.receive(encode_packet(Start(1)), 0.0)
+    virtual.firmware.step(0.0, sink)
+    virtual.firmware.receive(encode_packet(Start(1)), 0.0)
     for step in range(1, int(seconds * 20) + 1):
-        virtual.step(step / 20, sink)
+        virtual.firmware.step(step / 20, sink)
     return sent

@@ -29,8 +29,8 @@ def virtual_chunks(chosen, chunk_s=0.01, seed=None, duration_s=None):
         step += 1
         now_s = step * chunk_s
         for command in link.receive():
-            virtual.receive(command, now_s)
-        virtual.step(now_s, link.send)
+            virtual.firmware.receive(command, now_s)
+        virtual.firmware.step(now_s, link.send)
         data = link.take()
         if data:
             chunks.append(Chunk(data, MONOTONIC_NS + round(now_s * 1e9)))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from firmware_protocol import codec, schema
+from firmware_protocol.errors import MalformedPacketError
 from firmware_protocol.items import ForeignInfo
 from firmware_protocol.packets import (
     Ack,
@@ -212,7 +213,7 @@ def _interpret(packet: bytes, result: Decoded):
     else:
         try:
             item = repr(codec.decode_packet(packet))
-        except codec.MalformedPacketError:
+        except MalformedPacketError:
             result.count("malformed")
             return None
     result.count(f"packets {packet_type.name}")

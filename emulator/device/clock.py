@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emulator.motion.rotation import FloatArray
-from emulator.settings import check_settings, integer, number
+from emulator.settings import Settings, integer, number
 
 _WANDER_STREAM = 21
 _TERMS = 3
@@ -23,7 +23,7 @@ _INVERSE_STEPS = 4  # each shrinks the error by the rate error, below 2e-3: 4 re
 
 
 @dataclass(frozen=True)
-class ClockSettings:
+class ClockSettings(Settings):
     """Scenario table ``[clock]``: how the object's clock differs from true time."""
 
     skew_ppm: float = number(18.0, -1000.0, 1000.0)
@@ -35,20 +35,9 @@ class ClockSettings:
     start_us: int = integer(0, 0, 2**52)
     """Uptime at power-up, us: above 4 294 967 296 less a trial's length the clock wraps inside the trial."""
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
 
 class DeviceClock:
-    """True time to device uptime and back; times are seconds since power-up.
-
-    Parameters
-    ----------
-    settings : ClockSettings
-        The clock.
-    seed : int
-        Seed of the wander's phases.
-    """
+    """True time to device uptime and back; times are seconds since power-up. The wander's phases are seeded."""
 
     def __init__(self, settings: ClockSettings, seed: int) -> None:
         rng = np.random.default_rng([seed, _WANDER_STREAM])
@@ -66,18 +55,7 @@ class DeviceClock:
         return elapsed
 
     def uptime_us(self, times_s: FloatArray) -> FloatArray:
-        """Return the uptime without wrap.
-
-        Parameters
-        ----------
-        times_s : (n,)
-            True time since power-up, s.
-
-        Returns
-        -------
-        numpy.ndarray
-            (n,) us, not rounded.
-        """
+        """Return the uptime (n,) at true times (n,), us, without wrap and not rounded."""
         return self._elapsed_us(np.asarray(times_s, dtype=np.float64)) + self._offset_us
 
     def read_us(self, time_s: float) -> int:
@@ -85,18 +63,7 @@ class DeviceClock:
         return int(np.floor(self.uptime_us(np.array([time_s]))[0] + _ROUNDING_US))
 
     def time_s(self, uptime_us: FloatArray) -> FloatArray:
-        """Return the true time at which the clock shows an uptime.
-
-        Parameters
-        ----------
-        uptime_us : (n,)
-            In us, without wrap.
-
-        Returns
-        -------
-        numpy.ndarray
-            (n,) true time since power-up, s; exact to float64 rounding.
-        """
+        """Return the true time (n,), s, at which the clock shows an uptime (n,), us, not wrapped; exact to rounding."""
         target = np.asarray(uptime_us, dtype=np.float64) - self._offset_us
         times_s = target / (1e6 * self._rate)
         for _ in range(_INVERSE_STEPS):
@@ -108,14 +75,6 @@ class DeviceClock:
         self.step(time_s, -self.uptime_us(np.array([time_s]))[0])
 
     def step(self, time_s: float, by_us: float) -> None:
-        """Let the reading jump, not below 0 us.
-
-        Parameters
-        ----------
-        time_s : float
-            True time of the jump, s.
-        by_us : float
-            How far, us.
-        """
+        """Let the reading jump at a true time, not below 0 us."""
         present = self.uptime_us(np.array([time_s]))[0]
         self._offset_us += max(by_us, -present)

@@ -18,8 +18,6 @@ class Conversation:
         """Packets from the host that were answered."""
         self.refusals = 0
         """Of these, those not done."""
-        self.ignored = 0
-        """Packets that were not answered."""
         self._last_done: tuple[p.Calibrate | p.Mark, p.AckCode, float] | None = None
 
     def answer_to_retry(self, command: p.Calibrate | p.Mark, now_s: float) -> p.AckCode | None:
@@ -40,13 +38,7 @@ class Conversation:
 
 
 class StatusTimer:
-    """When the next STATUS is due, and the errors it reports.
-
-    Parameters
-    ----------
-    interval_s : float
-        Time between two, s.
-    """
+    """When the next STATUS is due, and the errors it reports."""
 
     def __init__(self, interval_s: float) -> None:
         self._interval_s = interval_s

@@ -24,7 +24,8 @@ from emulator.device.sample_stream import SampleBlock, SampleStream
 from emulator.device.settings import DeviceSettings
 from emulator.device.transmit_queue import Sink, TransmitQueue
 from firmware_protocol import packets as p
-from firmware_protocol.codec import ProtocolError, UnknownPacketTypeError, decode_packet, encode_packet
+from firmware_protocol.codec import decode_packet, encode_packet
+from firmware_protocol.errors import ProtocolError, UnknownPacketTypeError
 
 _BOOT_ID_STREAM = 41
 _FIRST_HOST_TYPE = 0x80
@@ -42,8 +43,6 @@ class FirmwareCounters:
     """Packets from the host that were answered."""
     refusals: int
     """Of these, those not done."""
-    ignored_packets: int
-    """Packets from the host that were not answered."""
 
 
 class Firmware:
@@ -51,10 +50,8 @@ class Firmware:
 
     Parameters
     ----------
-    settings : DeviceSettings
-        The object.
-    imu, clock, true_motion : ImuModel, DeviceClock, callable
-        Its sensor, its clock and the world.
+    settings, imu, clock, true_motion : DeviceSettings, ImuModel, DeviceClock, callable
+        The object, its sensor, its clock and the world.
     seed : int
         Seed of its boot ids.
     on_start : callable
@@ -103,7 +100,6 @@ class Firmware:
             samples_dropped=self._queue.dropped_before + self._queue.samples_dropped,
             commands=self._conversation.commands,
             refusals=self._conversation.refusals,
-            ignored_packets=self._conversation.ignored,
         )
 
     # --- power ---------------------------------------------------------------------------------------------------
@@ -233,17 +229,8 @@ class Firmware:
     # --- commands ------------------------------------------------------------------------------------------------
 
     def receive(self, data: bytes, now_s: float) -> None:
-        """Process one packet from the host, after :meth:`step` up to now.
-
-        Parameters
-        ----------
-        data : bytes
-            Type byte and fields, without framing; anything is accepted.
-        now_s : float
-            Time, s.
-        """
+        """Process one packet from the host, without framing, after :meth:`step` up to now; any bytes are accepted."""
         if not self.settings.answers or not self._status.is_on or len(data) < 2 or data[0] < _FIRST_HOST_TYPE:
-            self._conversation.ignored += 1
             return
         self._conversation.commands += 1
         try:

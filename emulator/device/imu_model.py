@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from emulator.motion.rotation import FloatArray, conjugate, from_rotation_vector, multiply, rotate
-from emulator.settings import check_settings, number, text, vector
+from emulator.settings import Settings, number, text, vector
 from firmware_protocol.packets import OrientationFlag
 
 GYRO_FULL_SCALE_DPS = 2000.0
@@ -37,7 +37,7 @@ TrueMotion = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True)
-class ImuSettings:
+class ImuSettings(Settings):
     """Scenario table ``[imu]``: the sensor's faults. All zero is a perfect sensor."""
 
     sensor: str = text("virtual 6-axis", 24)
@@ -67,9 +67,6 @@ class ImuSettings:
     temperature_c: float = number(38.0, -40.0, 125.0, may_be_nan=True)
     """Sensor temperature in STATUS, degree Celsius."""
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
 
 @dataclass(frozen=True, eq=False)
 class Readings:
@@ -86,17 +83,7 @@ class Readings:
 
 
 class ImuModel:
-    """The sensor of one object.
-
-    Parameters
-    ----------
-    settings : ImuSettings
-        Its faults.
-    mounting_q_body_sensor : tuple of float
-        (4,) sensor to body.
-    seed : int
-        Seed of its noise.
-    """
+    """The sensor of one object, its noise seeded."""
 
     def __init__(
         self, settings: ImuSettings, mounting_q_body_sensor: tuple[float, float, float, float], seed: int
@@ -136,22 +123,14 @@ class ImuModel:
         return np.concatenate(drawn)[start : start + n]
 
     def read(self, times_s: FloatArray, true_motion: TrueMotion, first: int, boot: int) -> Readings:
-        """Return what the sensor measures at the times.
+        """Return what the sensor measures at true times (n,) since power-up, s, n >= 1.
 
         Parameters
         ----------
-        times_s : (n,)
-            True time since power-up, s, n >= 1.
-        true_motion : callable
-            The object's motion in that time.
-        first : int
-            Number of the first sample since boot.
-        boot : int
-            Number of the boot, from 0.
-
-        Returns
-        -------
-        Readings
+        times_s, true_motion : (n,), callable
+            When, and the object's motion then.
+        first, boot : int
+            Number of the first sample since boot, and of the boot, both from 0.
         """
         settings = self.settings
         true_quats, rates_rad_s = true_motion(times_s)

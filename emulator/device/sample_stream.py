@@ -86,13 +86,7 @@ class SampleBlock:
 
 
 class SampleStream:
-    """Sampling timer and packer; between START and STOP it streams, else only its clock runs.
-
-    Parameters
-    ----------
-    imu, clock, true_motion : ImuModel, DeviceClock, callable
-        What is sampled, when, and of what.
-    """
+    """Sampling timer and packer; between START and STOP it streams, else only its clock runs."""
 
     def __init__(self, imu: ImuModel, clock: DeviceClock, true_motion: TrueMotion) -> None:
         self._imu, self._clock, self._true_motion = imu, clock, true_motion

@@ -6,14 +6,13 @@ import math
 from dataclasses import dataclass
 
 from emulator import ScenarioError
-from emulator.settings import check_settings, choice, integer, number, switch, table, tables, text, vector
+from emulator.settings import Settings, choice, integer, number, switch, table, tables, text, vector
 from firmware_protocol.packets import MAX_RATE_HZ, MIN_RATE_HZ, PROTOCOL_MAJOR, InternalWeight, ObjectCard, ObjectShape
-
-_MAX_WEIGHTS = 8
+from firmware_protocol.wire_values import MAX_WEIGHTS
 
 
 @dataclass(frozen=True)
-class WeightSettings:
+class WeightSettings(Settings):
     """Scenario table ``[[device.card.weights]]``: one weight inside the object."""
 
     slot: int = integer(0, 0, 255)
@@ -21,12 +20,9 @@ class WeightSettings:
     mass_g: float = number(0.0, 0.0, 655.35)
     """Mass, g."""
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
 
 @dataclass(frozen=True)
-class CardSettings:
+class CardSettings(Settings):
     """Scenario table ``[device.card]``: what the object knows of itself; ``nan`` stands for unknown."""
 
     shape: str = choice("cube", "unknown", "cube", "cylinder", "sphere", "other")
@@ -45,9 +41,9 @@ class CardSettings:
     """Sensor to body, unit quaternion w, x, y, z."""
 
     def __post_init__(self) -> None:
-        check_settings(self)
-        if len(self.weights) > _MAX_WEIGHTS:
-            raise ScenarioError(f"weights must be at most {_MAX_WEIGHTS}, not {len(self.weights)}")
+        super().__post_init__()
+        if len(self.weights) > MAX_WEIGHTS:
+            raise ScenarioError(f"weights must be at most {MAX_WEIGHTS}, not {len(self.weights)}")
 
     def card(self) -> ObjectCard:
         """Return the card as INFO carries it."""
@@ -63,7 +59,7 @@ class CardSettings:
 
 
 @dataclass(frozen=True)
-class DeviceSettings:
+class DeviceSettings(Settings):
     """The object and its firmware."""
 
     name: str = text("virtual cube", 32)
@@ -92,7 +88,7 @@ class DeviceSettings:
     """The object's own card."""
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        super().__post_init__()
         if not all(float(part).is_integer() for part in self.firmware_version):
             raise ScenarioError("firmware_version must be a list of 3 whole numbers")
         if not self.answers and not self.streams_from_power_up:

@@ -18,13 +18,7 @@ _LATE_BYTES = 32  # no packet that is encoded late is longer
 
 
 class TransmitQueue:
-    """Packets on their way to the link.
-
-    Parameters
-    ----------
-    capacity_bytes : int
-        Room for samples. Replies have a small reserve beyond it.
-    """
+    """Packets on their way to the link: room for samples, and a small reserve beyond it for replies."""
 
     def __init__(self, capacity_bytes: int) -> None:
         self.capacity_bytes = capacity_bytes
@@ -53,17 +47,7 @@ class TransmitQueue:
         return True
 
     def put_samples(self, samples: Sequence[tuple[bytes, ...]], now_s: float, sink: Sink) -> None:
-        """Queue samples, each one or two packets that stay together; makes room through the link before dropping.
-
-        Parameters
-        ----------
-        samples : sequence of tuple
-            In order.
-        now_s : float
-            Time, s.
-        sink : callable
-            The link.
-        """
+        """Queue samples, each one or two packets that stay together; makes room through the link before dropping."""
         stuck = False
         for sample in samples:
             size = sum(map(len, sample))

@@ -14,25 +14,15 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, TypeAlias
 
 from emulator import ScenarioError
-from emulator.settings import check_settings, choice, integer, number, tables
+from emulator.settings import Settings, choice, integer, number, tables
 
-KINDS = (
-    "stall",
-    "unplug",
-    "reset",
-    "swap",
-    "second-object",
-    "wrong-version",
-    "clock-step",
-    "flood",
-    "garbage",
-)
+KINDS = ("stall", "unplug", "reset", "swap", "second-object", "wrong-version", "clock-step", "flood", "garbage")
 _FOREVER_S = 1e9
 _MAX_LOGGED = 20_000
 
 
 @dataclass(frozen=True)
-class TimedFault:
+class TimedFault(Settings):
     """Scenario table ``[[faults.at]]``: one fault at one time."""
 
     kind: str = choice("stall", *KINDS)
@@ -53,12 +43,9 @@ class TimedFault:
     major: int = integer(2, 0, 255)
     """Wrong-version: which major version."""
 
-    def __post_init__(self) -> None:
-        check_settings(self)
-
 
 @dataclass(frozen=True)
-class FaultSettings:
+class FaultSettings(Settings):
     """Scenario table ``[faults]``; the default is none."""
 
     rates_from_s: float = number(0.0, 0.0, _FOREVER_S)
@@ -99,7 +86,7 @@ class FaultSettings:
     """Timed faults."""
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        super().__post_init__()
         total = self.zero_quaternion_probability + self.wrong_norm_probability + self.sign_flip_probability
         if total > 1.0 or self.drop_probability + self.duplicate_probability + self.reorder_probability > 1.0:
             raise ScenarioError("probabilities of faults that exclude each other must not sum to more than 1")
@@ -176,18 +163,9 @@ class FaultLog:
         self.counts: Counter[str] = Counter()
 
     def add(self, kind: str, time_s: float, count: int = 1, **details: Any) -> None:  # noqa: ANN401
-        """Note a fault.
+        """Note a fault at a time since power-up, s, with details ready for JSON.
 
-        Parameters
-        ----------
-        kind : str
-            What happened.
-        time_s : float
-            When, s since power-up.
-        count : int
-            Of how many bits, bytes or frames; 1 where there is only one thing it can happen to.
-        **details : object
-            Anything else, ready for JSON.
+        ``count`` is of how many bits, bytes or frames; 1 where there is only one thing it can happen to.
         """
         self.counts[kind] += 1
         if len(self.entries) < _MAX_LOGGED:

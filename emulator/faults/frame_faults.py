@@ -37,13 +37,7 @@ def byte_faults_in(settings: FaultSettings) -> tuple[str, ...]:
 
 
 class PacketFaults:
-    """Faults on encoded packets.
-
-    Parameters
-    ----------
-    settings, seed, log : FaultSettings, int, FaultLog
-        What happens, its seed, and where it is noted.
-    """
+    """Faults on encoded packets, seeded and noted in the log."""
 
     def __init__(self, settings: FaultSettings, seed: int, log: FaultLog) -> None:
         self._log = log
@@ -63,17 +57,7 @@ class PacketFaults:
         self.any = self.any or self._sample_limits[-1] + self._frame_limits[-1] > 0.0
 
     def apply(self, packets: Iterable[bytes], now_s: float, *, active: bool) -> list[bytes]:
-        """Return what becomes of packets, in order.
-
-        Parameters
-        ----------
-        packets : iterable of bytes
-            Encoded.
-        now_s : float
-            For the log, s.
-        active : bool
-            False lets everything pass.
-        """
+        """Return what becomes of packets, in order; where faults are not active, everything passes."""
         if not self.any:
             return list(packets)
         out: list[bytes] = []
@@ -132,13 +116,7 @@ class PacketFaults:
 
 
 class ByteFaults:
-    """Faults on framed bytes; see :data:`emulator.links.byte_stream.Tamper`.
-
-    Parameters
-    ----------
-    settings, seed, log : FaultSettings, int, FaultLog
-        What happens, its seed, and where it is noted.
-    """
+    """Faults on framed bytes, seeded and noted in the log; see :data:`emulator.links.byte_stream.Tamper`."""
 
     def __init__(self, settings: FaultSettings, seed: int, log: FaultLog) -> None:
         self._log = log
@@ -154,11 +132,8 @@ class ByteFaults:
 
     def use(self, settings: FaultSettings) -> None:
         """Go on with other rates."""
-        s = self._settings = settings
-        self.any = (
-            s.bit_error_rate + s.burst_probability + s.truncate_probability + s.garbage_probability > 0.0
-            or s.garbage_before_bytes > 0
-        )
+        self._settings = settings
+        self.any = bool(byte_faults_in(settings))
 
     def garbage(self, n: int) -> bytes:
         """Return n random bytes."""

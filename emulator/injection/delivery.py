@@ -20,15 +20,7 @@ _DELIVERED_AT_ONCE = 256
 
 
 class Delivery:
-    """What is between the object and its link.
-
-    Parameters
-    ----------
-    link : Link
-        Open.
-    settings, seed, log : FaultSettings, int, FaultLog
-        What happens to packets, its seed, and where it is noted.
-    """
+    """What is between the object and its open link: what happens to packets there is seeded and noted in the log."""
 
     def __init__(self, link: Link, settings: FaultSettings, seed: int, log: FaultLog) -> None:
         self.sent: Counter[int] = Counter()
@@ -53,14 +45,7 @@ class Delivery:
     def send(self, packets: Sequence[bytes], now_s: float, *, faulty: bool) -> int | None:
         """Accept packets from the object; return how many, None where nobody is at the other end.
 
-        Parameters
-        ----------
-        packets : sequence of bytes
-            Encoded, in order.
-        now_s : float
-            Time, s.
-        faulty : bool
-            Whether the rates of faults act now.
+        ``faulty`` is whether the rates of faults act now.
         """
         delayed = self._interval_s + self._jitter_s > 0.0
         if not (self._faults.any or delayed or self._in_flight):

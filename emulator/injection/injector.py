@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from emulator.device.firmware import Firmware
 from emulator.faults.definitions import FaultLog, FaultSettings, LiveFault, RateChange, TimedFault
 from emulator.faults.frame_faults import ByteFaults
 from emulator.injection.agenda import Agenda
 from emulator.injection.delivery import Delivery
 from emulator.links import Link
 from emulator.links.byte_stream import ByteLink
-from emulator.second_object import SecondObject
+from emulator.second_object import second_object
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.packets import PacketType
 
@@ -31,30 +32,18 @@ _ENDING = (*_UNPLUGGING, "stall", "flood", "second-object")
 
 
 class FaultInjector:
-    """Runs a virtual object on an open link, with the faults of its scenario.
-
-    Parameters
-    ----------
-    virtual_object : VirtualObject
-        The object.
-    link : Link
-        Open.
-
-    Attributes
-    ----------
-    log
-        Every fault that happened.
-    """
+    """Runs a virtual object on an open link, with the faults of its scenario."""
 
     def __init__(self, virtual_object: VirtualObject, link: Link) -> None:
-        self._object, self._link = virtual_object, link
+        self._object, self._firmware, self._link = virtual_object, virtual_object.firmware, link
         self._settings = virtual_object.scenario.faults
         seed = virtual_object.seed
         self.log = FaultLog()
+        """Every fault that happened."""
         self._delivery = Delivery(link, self._settings, seed, self.log)
         self._byte_faults = ByteFaults(self._settings, seed, self.log)
         self._command_rng = np.random.default_rng([seed, _COMMAND_STREAM])
-        self._second: SecondObject | None = None
+        self._second: Firmware | None = None
         self._agenda = Agenda()
         self._is_planned = False  # the scenario's own faults
         self._under_way: Counter[str] = Counter()  # faults of one kind may overlap
@@ -75,13 +64,13 @@ class FaultInjector:
 
     def _step_to(self, now_s: float) -> None:
         # With a second object on the line they take turns, in the order in which they have something to send.
-        while self._second is not None and (due_s := min(self._object.next_due_s, self._second.next_due_s)) < now_s:
+        while self._second is not None and (due_s := min(self._firmware.next_due_s, self._second.next_due_s)) < now_s:
             self._step_both(due_s)
         self._step_both(now_s)
 
     def _step_both(self, now_s: float) -> None:
         self._now_s = self._byte_faults.now_s = max(now_s, self._now_s)
-        self._object.step(self._now_s, self._send)
+        self._firmware.step(self._now_s, self._send)
         if self._second is not None:
             self._second.step(self._now_s, self._send_second)
         if not self._under_way["stall"]:
@@ -91,12 +80,12 @@ class FaultInjector:
     def next_due_s(self) -> float:
         """When :meth:`step` has something to do next, if no command comes, s."""
         second_s = math.inf if self._second is None else self._second.next_due_s
-        return min(self._object.next_due_s, second_s, self._agenda.next_due_s, self._delivery.next_due_s)
+        return min(self._firmware.next_due_s, second_s, self._agenda.next_due_s, self._delivery.next_due_s)
 
     @property
     def backlog(self) -> int:
         """Packets that wait because the link accepts nothing."""
-        return self._object.firmware.backlog + (self._delivery.next_due_s <= self._now_s)
+        return self._firmware.backlog + (self._delivery.next_due_s <= self._now_s)
 
     def _plan_scenario(self) -> None:
         """Put the scenario's faults into time once the hand's timeline has started."""
@@ -131,7 +120,7 @@ class FaultInjector:
             if chance and self._command_rng.random() < chance:
                 self.log.add("command-loss", now_s, command_type=command[0] if command else None)
             else:
-                self._object.receive(command, now_s)
+                self._firmware.receive(command, now_s)
                 if self._second is not None:
                     self._second.receive(command, now_s)
 
@@ -182,7 +171,7 @@ class FaultInjector:
     # --- timed faults --------------------------------------------------------------------------------------------
 
     def _start(self, fault: TimedFault) -> None:
-        now_s, firmware = self._now_s, self._object.firmware
+        now_s, firmware = self._now_s, self._firmware
         details: dict[str, Any] = {"for_s": fault.for_s}
         match fault.kind:
             case "stall":
@@ -199,8 +188,8 @@ class FaultInjector:
                 firmware.speak_version(fault.major, now_s, fault.for_s)
                 details["major"] = fault.major
             case "second-object":
-                self._second = SecondObject(self._object, now_s)
-                details["device_id"] = self._second.device_id
+                self._second = second_object(self._object, now_s)
+                details["device_id"] = self._second.settings.device_id
             case "clock-step":
                 firmware.step_clock(now_s, round(fault.by_s * 1e6))
                 details = {"by_s": fault.by_s}
@@ -224,7 +213,7 @@ class FaultInjector:
         kind = "unplug" if fault.kind in _UNPLUGGING else fault.kind
         self._under_way[kind] -= 1
         if kind == "flood" and not self._under_way[kind]:
-            self._object.firmware.set_true_rate(self._object.firmware.rate_hz, self._now_s)
+            self._firmware.set_true_rate(self._firmware.rate_hz, self._now_s)
         elif kind == "unplug" and not self._under_way[kind]:
             self._link.replug()
 

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 
 from emulator import LinkError
 
-__all__ = ["Link", "link_kinds", "open_link"]
+__all__ = ["Link", "open_link"]
 
 _MODULES = {
     "pty": "emulator.links.pty_link",
@@ -98,11 +98,6 @@ class Link(ABC):
         self.close()
 
 
-def link_kinds() -> tuple[str, ...]:
-    """Return the kinds that :func:`open_link` knows."""
-    return tuple(_MODULES)
-
-
 def open_link(address: str) -> Link:
     """Make the link of an address; still closed, :func:`emulator.runner.run` opens it.
 
@@ -123,9 +118,7 @@ def open_link(address: str) -> Link:
     try:
         module = importlib.import_module(_MODULES[kind])
     except ModuleNotFoundError as error:
-        if error.name != _MODULES[kind]:
-            raise LinkError(f"{kind}: links need the Python package {error.name!r}: install it") from error
-        raise LinkError(f"{kind}: links are not part of this installation") from error
+        raise LinkError(f"{kind}: links need the Python package {error.name!r}: install it") from error
     link = module.from_address(rest)
     assert isinstance(link, Link)
     return link

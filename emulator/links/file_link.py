@@ -30,22 +30,14 @@ def from_address(rest: str) -> FileLink:
 
 
 class FileLink(ByteLink):
-    """Everything the object sends on a serial line, framed, in a new file.
-
-    Parameters
-    ----------
-    path : Path
-        Must not exist.
-    with_raw_imu : bool
-        Also ask for RAW_IMU.
-    """
+    """Everything the object sends on a serial line, framed, in a new file."""
 
     virtual_time = True
 
-    def __init__(self, path: Path, *, with_raw_imu: bool = False) -> None:
+    def __init__(self, path: Path) -> None:
         super().__init__()
         self.path = path
-        self._with_raw_imu = with_raw_imu
+        self._unplugged = False
         self._start = b""
         self._file: BinaryIO | None = None
 
@@ -68,7 +60,7 @@ class FileLink(ByteLink):
             raise EmulatorError(f"{self.path} exists already: choose another name, or remove it") from None
         except OSError as error:
             raise EmulatorError(f"cannot write {self.path}: {error.strerror}") from error
-        self._start = encode_frame(encode_packet(Start(0, with_raw_imu=self._with_raw_imu)))
+        self._start = encode_frame(encode_packet(Start(0)))
 
     def close(self) -> None:
         """Close the file; it stays."""
@@ -83,8 +75,6 @@ class FileLink(ByteLink):
     def replug(self) -> None:
         """End :meth:`unplug`."""
         self._unplugged = False
-
-    _unplugged = False
 
     def _connected(self) -> bool:
         return self._file is not None and not self._unplugged

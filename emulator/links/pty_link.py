@@ -33,11 +33,7 @@ def from_address(rest: str) -> PtyLink:
 class PtyLink(ByteLink):
     """The master side of a pseudo-terminal.
 
-    Parameters
-    ----------
-    symlink : Path, optional
-        Where to put a symbolic link to the device; removed at the end. An old symbolic link to a device is replaced, a
-        file is not.
+    The symbolic link to the device, where one is asked for, replaces an old one but no file, and is removed at the end.
     """
 
     def __init__(self, symlink: Path | None = None) -> None:

@@ -34,13 +34,10 @@ def from_address(rest: str) -> TcpLink:
 
 
 class TcpLink(ByteLink):
-    """A server for one client.
+    """A server for one client; with port 0 the system chooses one, see ``host_uri``."""
 
-    Parameters
-    ----------
-    port : int
-        0-65535; with 0 the system chooses, see ``host_uri``.
-    """
+    newest_wins = False
+    """Whether a second client takes the place of the first, in place of being turned away."""
 
     def __init__(self, port: int) -> None:
         super().__init__()
@@ -85,9 +82,10 @@ class TcpLink(ByteLink):
             return
         with contextlib.suppress(OSError):
             client, _ = self._server.accept()
-            if self._client is not None:
+            if self._client is not None and not self.newest_wins:
                 client.close()
                 return
+            self._drop_client()
             client.setblocking(False)
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._client = client

@@ -30,12 +30,7 @@ class CycleShape:
     """Phase of the far extreme: the middle of its dwell, where it has one."""
 
     def evaluate(self, phase: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Evaluate the shape.
-
-        Parameters
-        ----------
-        phase : (n,)
-            In cycles; only the fraction counts.
+        """Evaluate the shape at phases (n,) in cycles; only their fraction counts.
 
         Returns
         -------
@@ -85,11 +80,6 @@ def trapezoid(dwell: float) -> CycleShape:
 def two_hump(second_height: float, saddle_height: float) -> CycleShape:
     """Return a shape that goes to the far extreme, half back, and up again to a lower peak before it returns.
 
-    Parameters
-    ----------
-    second_height : float
-        Height of the second peak, below 1 and above the saddle.
-    saddle_height : float
-        Height of the turn between the peaks, above 0.
+    The second peak's height is below 1 and above that of the saddle, the turn between the peaks, which is above 0.
     """
     return CycleShape((0.0, 0.3, 0.5, 0.7, 1.0), (0.0, 1.0, saddle_height, second_height, 0.0), far_phase=0.3)

@@ -27,7 +27,7 @@ import numpy.typing as npt
 from emulator import ScenarioError
 from emulator.motion import cycle_shape
 from emulator.motion.rotation import FloatArray, conjugate, from_rotation_vector, multiply, rotate
-from emulator.settings import check_settings, choice, integer, number, vector
+from emulator.settings import Settings, choice, integer, number, vector
 
 IntArray = npt.NDArray[np.int64]
 
@@ -35,7 +35,7 @@ _TEMPO_STREAM, _AMPLITUDE_STREAM, _DRIFT_STREAM = 11, 12, 13
 
 
 @dataclass(frozen=True)
-class MotionSettings:
+class MotionSettings(Settings):
     """Scenario table ``[motion]``: what the hand does."""
 
     shape: str = choice("cosine", "cosine", "trapezoid", "two-hump")
@@ -74,7 +74,7 @@ class MotionSettings:
     """The timeline starts with the first START the object gets, or when the object powers up."""
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        super().__post_init__()
         if self.shape == "two-hump" and self.saddle_height >= self.second_height:
             raise ScenarioError(f"saddle_height must be below second_height ({self.second_height:g})")
 
@@ -89,7 +89,7 @@ class MotionSettings:
 
 
 @dataclass(frozen=True)
-class DriftSettings:
+class DriftSettings(Settings):
     """Scenario table ``[drift]``: how far the object turns in the hand in each cycle."""
 
     mode: str = choice("constant", "none", "constant", "alternating", "slip", "random-walk")
@@ -104,9 +104,6 @@ class DriftSettings:
     """Slip: angle of that step about the drift axis, in place of ``angle_deg``."""
     scatter_deg: float = number(0.3, 0.0, 30.0)
     """Random walk: standard deviation about each axis of what is added to each step, degrees."""
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
     def check_slip(self, cycles: int) -> None:
         """Raise ScenarioError for a slip that is not a step between the end points of so many cycles."""
@@ -129,16 +126,7 @@ class Extremes:
 
 
 def drift_vectors(settings: DriftSettings, cycles: int, seed: int) -> FloatArray:
-    """Return the drift of each cycle interval as world-frame rotation vectors.
-
-    Parameters
-    ----------
-    settings : DriftSettings
-        The drift.
-    cycles : int
-        Number of cycles n.
-    seed : int
-        Seed of the random walk.
+    """Return the drift of each interval of n cycles as world-frame rotation vectors.
 
     Returns
     -------
@@ -161,15 +149,7 @@ def drift_vectors(settings: DriftSettings, cycles: int, seed: int) -> FloatArray
 
 
 class HandMotion:
-    """The true orientation of the object as a function of time.
-
-    Parameters
-    ----------
-    motion, drift : MotionSettings, DriftSettings
-        Settings.
-    seed : int
-        Seed of tempo, amplitude and drift.
-    """
+    """The true orientation of the object as a function of time; tempo, amplitude and drift are seeded."""
 
     def __init__(self, motion: MotionSettings, drift: DriftSettings, seed: int) -> None:
         self.motion = motion
@@ -223,27 +203,14 @@ class HandMotion:
         """From the start of the timeline to the end of the lead-out, s."""
         return float(self._time_knots[-1] + self.motion.lead_out_s)
 
-    @property
-    def steps_rad(self) -> FloatArray:
-        """(cycles − 1, 3) true steps between primary end points as world-frame rotation vectors, rad."""
-        return self._drift_vectors[1:-1].copy()
-
     def phase(self, times_s: FloatArray) -> FloatArray:
         """Return the phase in cycles at times since the timeline started, (n,); it rests outside the motion."""
         return np.interp(times_s, self._time_knots, self._phase_knots).astype(np.float64)
 
     def orientation(self, times_s: FloatArray) -> FloatArray:
-        """Return the true orientation.
+        """Return the true orientation (n, 4), unit, body to world, at any times (n,) s since the timeline started.
 
-        Parameters
-        ----------
-        times_s : (n,)
-            Since the timeline started, s; any real number.
-
-        Returns
-        -------
-        numpy.ndarray
-            (n, 4) unit quaternions, body to world; their sign is continuous.
+        The sign of the quaternions is continuous.
         """
         times_s = np.asarray(times_s, dtype=np.float64)
         if self.motion.cycles == 0:
@@ -251,18 +218,7 @@ class HandMotion:
         return multiply(self._pose(self.phase(times_s)), self._settle)
 
     def angular_velocity(self, times_s: FloatArray) -> FloatArray:
-        """Return the true rate of turn, world frame, rad/s.
-
-        Parameters
-        ----------
-        times_s : (n,)
-            Since the timeline started, s.
-
-        Returns
-        -------
-        numpy.ndarray
-            (n, 3).
-        """
+        """Return the true rate of turn (n, 3), world frame, rad/s, at times (n,) s since the timeline started."""
         times_s = np.asarray(times_s, dtype=np.float64)
         if self.motion.cycles == 0:
             return np.zeros((len(times_s), 3))

@@ -21,18 +21,20 @@ from firmware_protocol.can.few_samples import MAX_FAST_BYTES, plain_samples, who
 from firmware_protocol.can.frames import CLASSIC_BYTES, FrameArray, concatenate_frames, frame_array
 from firmware_protocol.can.mapping import (
     EXACT_LENGTHS,
+    FUNCTION_MASK,
     MAX_NODE,
     MIN_NODE,
     NODE_BITS,
+    WHOLE,
     WHOLE_ORIENTATION_BYTES,
     CanFunction,
     arbitration_id,
 )
 from firmware_protocol.can.rare_frames import RareFrames
-from firmware_protocol.can.samples import SAMPLE, STATE, TIME, WHOLE, WHOLE_SAMPLE, SampleDecoder
+from firmware_protocol.can.samples import SAMPLE, STATE, TIME, WHOLE_SAMPLE, SampleDecoder
 from firmware_protocol.can.traffic import Traffic
 from firmware_protocol.errors import MalformedPacketError, PacketValueError
-from firmware_protocol.items import StreamItem, Tally
+from firmware_protocol.items import StreamItem, Tally, in_wire_order
 from firmware_protocol.packets import OrientationBatch, PacketType
 
 _ANY_LENGTH = 255
@@ -155,39 +157,33 @@ class CanStreamDecoder:
     def _decode(self, function: npt.NDArray[Any], records: FrameArray, is_last: bool = False) -> list[StreamItem]:
         """Decode frames of one boot."""
         found = self._samples.decode(function, records, is_last)
-        rows, bad_rows = found.rows, found.bad_rows
+        rows, bad_rows, batch = found.rows, found.bad_rows, found.batch
         if self._boots.in_conflict:
             self._tally["refused"] += len(rows)
-            rows, bad_rows = rows[:0], np.concatenate([bad_rows, rows])
+            rows, bad_rows, batch = rows[:0], np.concatenate([bad_rows, rows]), batch.part(slice(0))
         if len(bad_rows):
             self._damage += (self._n_samples + np.searchsorted(rows, np.sort(bad_rows))).tolist()
         self._n_samples += len(rows)
-        items: list[StreamItem] = []
-        delivered = 0
+        others = []
         is_rare = (function != SAMPLE) & (function != WHOLE_SAMPLE) & (function != TIME) & (function != STATE)
         for row in np.flatnonzero(is_rare).tolist():
             before = found.counter_before(row)
             reference = self._samples.expected if before is None else before
-            for item in self._rare.feed(int(function[row]), records[row], reference, self._samples.timeline):
-                position = int(np.searchsorted(rows, row))
-                if position > delivered:
-                    items.append(found.batch.part(slice(delivered, position)))
-                    delivered = position
-                items.append(item)
-        if len(rows) > delivered:
-            items.append(found.batch.part(slice(delivered, len(rows))) if delivered else found.batch)
+            position = int(np.searchsorted(rows, row))
+            packets = self._rare.feed(int(function[row]), records[row], reference, self._samples.timeline)
+            others += [(position, packet) for packet in packets]
         self._samples.forget_past()
-        return items
+        return in_wire_order(batch, others)
 
 
 def _right_lengths(function: npt.NDArray[Any], records: FrameArray) -> npt.NDArray[np.bool_]:
     """Return (n,) whether each frame has a length that its function allows."""
     length = records["length"]
-    wanted = _LENGTHS[function & (WHOLE - 1)]
+    wanted = _LENGTHS[function & FUNCTION_MASK]
     good = (wanted == _ANY_LENGTH) & (length > 0) | (wanted == length)
     is_whole = function >= WHOLE
     if is_whole.any():
-        is_long = (function & (WHOLE - 1)) >= CanFunction.LONG_TO_OBJECT
+        is_long = (function & FUNCTION_MASK) >= CanFunction.LONG_TO_OBJECT
         size = records["data"][:, 0]
         good = np.where(is_whole, is_long | (size > 0) & (size < length), good)
     return np.asarray(good)

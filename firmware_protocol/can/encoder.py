@@ -17,14 +17,14 @@ from firmware_protocol.can.mapping import (
     NO_ORIENTATION,
     CanFunction,
     CanId,
-    SampleState,
-    TimeMark,
     arbitration_id,
     boot_tag,
     orientation_data,
     reading_data,
+    sample_state_data,
     split_id,
     status_pages,
+    time_data,
     time_interval,
 )
 from firmware_protocol.codec import ORIENTATION_DTYPE, STREAMED
@@ -107,10 +107,8 @@ class CanObject:
         self._rate_hz = 100
         self._counter: int | None = None
         self._time_us = 0
-        self._mark: TimeMark | None = None
-        self._state: SampleState | None = None
-        self.ignored_frames = 0
-        """Frames that were not commands to this object."""
+        self._mark: tuple[int, int] | None = None  # counter and device time of the last TIME sent
+        self._state: tuple[int, int, int] | None = None  # flags, rate and tag of the last SAMPLE_STATE sent
 
     def encode(self, packets: Sequence[bytes]) -> list[CanFrame]:
         """Return the frames of encoded packets, in order; long ones go on when the host answers :meth:`receive`.
@@ -151,7 +149,6 @@ class CanObject:
         identity = split_id(frame.arbitration_id)
         unfit = frame.flags & (FrameFlag.EXTENDED | FrameFlag.REMOTE | FrameFlag.ERROR)
         if unfit or identity is None or identity.node not in (self.node, ALL_NODES) or not frame.data:
-            self.ignored_frames += 1
             return [], []
         if identity.function is CanFunction.COMMAND:
             if not identity.whole_packet:
@@ -161,7 +158,6 @@ class CanObject:
         elif identity == self._long_id:
             channel = self._open_channel()
             return channel.feed(frame.data), channel.take_outgoing()
-        self.ignored_frames += 1
         return [], []
 
     def poll(self) -> list[CanFrame]:
@@ -197,17 +193,15 @@ class CanObject:
     def _sample(self, packet: bytes, code: int) -> list[CanFrame]:
         _, sequence, time_us, _, _, _, _, flags = STREAMED[PacketType.ORIENTATION].unpack(packet)
         counter = self._follow(sequence, time_us)
-        state = SampleState(counter, flags, self._rate_hz, self._tag)
-        sent = self._state
-        changed = sent is None or (sent.flags, sent.rate_hz, sent.tag) != (flags, self._rate_hz, self._tag)
-        due = self._mark is None or self._is_due(counter, self._mark.counter)
+        sent, self._state = self._state, (flags, self._rate_hz, self._tag)
+        due = self._mark is None or self._is_due(counter, self._mark[0])
         frames = []
-        if changed or due:
-            self._state = state
-            frames.append(CanFrame(arbitration_id(CanFunction.SAMPLE_STATE, self.node), state.to_bytes()))
-        if due or self._off_grid(counter, time_us) or (sent is not None and sent.rate_hz != self._rate_hz):
-            self._mark = TimeMark(counter, time_us)
-            frames.append(CanFrame(arbitration_id(CanFunction.TIME, self.node), self._mark.to_bytes()))
+        if sent != self._state or due:
+            data = sample_state_data(counter, *self._state)
+            frames.append(CanFrame(arbitration_id(CanFunction.SAMPLE_STATE, self.node), data))
+        if due or self._off_grid(counter, time_us) or (sent is not None and sent[1] != self._rate_hz):
+            self._mark = counter, time_us
+            frames.append(CanFrame(arbitration_id(CanFunction.TIME, self.node), time_data(counter, time_us)))
         if self.fd:
             frames.append(whole_frame(CanFunction.ORIENTATION, self.node, packet))
         else:
@@ -240,10 +234,9 @@ class CanObject:
 
     def _off_grid(self, counter: int, time_us: int) -> bool:
         assert self._mark is not None
-        assert self._state is not None
-        rate_hz = self._state.rate_hz
-        steps = (counter - self._mark.counter) * 1_000_000
-        expected_us = self._mark.device_time_us + (2 * steps + rate_hz) // (2 * rate_hz)  # as sample_times_us
+        mark_counter, mark_time_us = self._mark
+        steps = (counter - mark_counter) * 1_000_000
+        expected_us = mark_time_us + (2 * steps + self._rate_hz) // (2 * self._rate_hz)  # as sample_times_us
         half = DEVICE_CLOCK_MODULUS_US // 2
         error_us = (time_us - expected_us + half) % DEVICE_CLOCK_MODULUS_US - half
         return abs(error_us) > GRID_TOLERANCE_US

@@ -81,9 +81,8 @@ class CanFrame:
         return bool(self.flags & FrameFlag.FD)
 
 
-def record_dtype(width: int) -> np.dtype[Any]:
-    """Return the structured type of one record; ``code`` sees the first eight data bytes as one u64."""
-    return np.dtype(
+RECORD_DTYPES = {
+    width: np.dtype(
         {
             "names": ["host_time_ns", "interface_time_s", "arbitration_id", "length", "flags", "data", "code"],
             "formats": ["<i8", "<f8", "<u4", "u1", "u1", ("u1", (width,)), "<u8"],
@@ -91,10 +90,9 @@ def record_dtype(width: int) -> np.dtype[Any]:
             "itemsize": RECORD_HEAD.size + width,
         }
     )
-
-
-RECORD_DTYPES = {CLASSIC_BYTES: record_dtype(CLASSIC_BYTES), FD_BYTES: record_dtype(FD_BYTES)}
-"""Structured type of a record, by width."""
+    for width in (CLASSIC_BYTES, FD_BYTES)
+}
+"""Structured type of a record, by width; ``code`` sees the first eight data bytes as one u64."""
 
 
 def batch_head(width: int, count: int) -> bytes:

@@ -92,7 +92,6 @@ class LongPacketChannel:
         self._incoming: deque[isotp.CanMessage] = deque()
         self._outgoing: list[CanFrame] = []
         self._fd = fd
-        self._listens_only = listens_only
         self._tally: Tally = Tally() if tally is None else tally
         # The library's own logger would write its warnings to the terminal.
         logger = logging.getLogger("rotdrift.isotp")
@@ -119,13 +118,11 @@ class LongPacketChannel:
             params=params,
         )
 
-    def send(self, packet: bytes) -> bool:
-        """Start to send a packet; False where too many wait already."""
-        if self._listens_only or self._layer.tx_queue.qsize() >= MAX_WAITING:
-            return False
-        self._layer.send(packet)
-        self._layer.process()
-        return True
+    def send(self, packet: bytes) -> None:
+        """Start to send a packet; it is dropped where too many wait already."""
+        if self._layer.tx_queue.qsize() < MAX_WAITING:
+            self._layer.send(packet)
+            self._layer.process()
 
     def feed(self, data: bytes) -> list[bytes]:
         """Process the data of one frame of the channel's receiving id; return the packets it completes."""
@@ -133,10 +130,7 @@ class LongPacketChannel:
             self._frame_class(self._rxid, dlc=len(data), data=data, is_fd=self._fd, bitrate_switch=self._fd)
         )
         self._layer.process()
-        packets = []
-        while (packet := self._layer.recv()) is not None:
-            packets.append(bytes(packet))
-        return packets
+        return [bytes(packet) for packet in iter(self._layer.recv, None)]
 
     def poll(self) -> None:
         """Let time-outs and separation times pass; to be called now and then while something is under way."""
@@ -144,8 +138,7 @@ class LongPacketChannel:
 
     def take_outgoing(self) -> list[CanFrame]:
         """Return the frames to be sent since the last call."""
-        outgoing = self._outgoing
-        self._outgoing = []
+        outgoing, self._outgoing = self._outgoing, []
         return outgoing
 
     def _send(self, message: isotp.CanMessage) -> None:

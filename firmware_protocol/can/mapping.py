@@ -44,10 +44,11 @@ ALL_NODES = 0
 """Node id of a command for every object."""
 NODE_BITS = 5
 NODE_MASK = (1 << NODE_BITS) - 1
-FUNCTIONS = 32
-"""Functions are 0-31."""
+FUNCTION_MASK = 0x1F
 FD_BIT = 0x400
 """Set in the arbitration id of a frame that carries a whole packet (CAN FD)."""
+WHOLE = FD_BIT >> NODE_BITS
+"""The same bit in bits 5-10, where the function stands."""
 
 COUNTER_MODULUS = 2**32
 """The sample counter of TIME wraps after this many samples (49.7 days at 1000 Hz)."""
@@ -108,11 +109,6 @@ class CanId:
     whole_packet: bool = False
     """Whether the frame is a CAN FD one with a whole packet."""
 
-    @property
-    def arbitration_id(self) -> int:
-        """11 bits."""
-        return arbitration_id(self.function, self.node, self.whole_packet)
-
 
 def arbitration_id(function: CanFunction, node: int, whole_packet: bool = False) -> int:
     """Return the 11-bit id of a frame.
@@ -130,7 +126,7 @@ def arbitration_id(function: CanFunction, node: int, whole_packet: bool = False)
 def split_id(identifier: int) -> CanId | None:
     """Return an 11-bit id parsed; None where it is not one of this protocol."""
     try:
-        function = CanFunction(identifier >> NODE_BITS & 0x1F)
+        function = CanFunction(identifier >> NODE_BITS & FUNCTION_MASK)
     except ValueError:
         return None
     if not 0 <= identifier < 2048:
@@ -177,60 +173,26 @@ def boot_tag(device_id: int, boot_id: int) -> int:
     return crc % 255 + 1
 
 
-@dataclass(frozen=True, slots=True)
-class TimeMark:
-    """The content of TIME: sample ``counter`` was measured at ``device_time_us``."""
-
-    counter: int
-    """u32."""
-    device_time_us: int
-    """u32, wraps."""
-
-    LAYOUT = struct.Struct("<II")
-
-    def to_bytes(self) -> bytes:
-        """Return the eight bytes of the frame."""
-        return self.LAYOUT.pack(self.counter % COUNTER_MODULUS, self.device_time_us)
+def time_data(counter: int, device_time_us: int) -> bytes:
+    """Return the eight bytes of TIME: the sample with this counter was measured at this device time, µs, wrapped."""
+    return struct.pack("<II", counter % COUNTER_MODULUS, device_time_us)
 
 
-@dataclass(frozen=True, slots=True)
-class SampleState:
-    """The content of SAMPLE_STATE: from sample ``counter`` on, these hold."""
+def sample_state_data(counter: int, flags: int, rate_hz: int, tag: int) -> bytes:
+    """Return the eight bytes of SAMPLE_STATE: from the sample with this counter on, flags, rate and boot tag hold.
 
-    counter: int
-    """u32."""
-    flags: int
-    """Bits of :class:`~firmware_protocol.packets.OrientationFlag`, u8."""
-    rate_hz: int
-    """10-1000, u16."""
-    tag: int = 0
-    """:func:`boot_tag`, u8; 0 where the object does not know."""
-
-    LAYOUT = struct.Struct("<IBHB")
-
-    def to_bytes(self) -> bytes:
-        """Return the eight bytes of the frame.
-
-        Raises
-        ------
-        PacketValueError
-            The rate is out of range.
-        """
-        if not MIN_RATE_HZ <= self.rate_hz <= MAX_RATE_HZ:
-            raise PacketValueError(f"rate {self.rate_hz} Hz is not from {MIN_RATE_HZ} to {MAX_RATE_HZ}")
-        return self.LAYOUT.pack(self.counter % COUNTER_MODULUS, self.flags, self.rate_hz, self.tag)
+    Raises
+    ------
+    PacketValueError
+        The rate is out of range.
+    """
+    if not MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
+        raise PacketValueError(f"rate {rate_hz} Hz is not from {MIN_RATE_HZ} to {MAX_RATE_HZ}")
+    return struct.pack("<IBHB", counter % COUNTER_MODULUS, flags, rate_hz, tag)
 
 
 def orientation_data(counter: int, code: int) -> bytes:
-    """Return the eight bytes of a classic ORIENTATION frame.
-
-    Parameters
-    ----------
-    counter : int
-        Sample counter; its low eight bits are sent.
-    code : int
-        :func:`~firmware_protocol.quantization.quat_to_smallest_three`.
-    """
+    """Return the eight bytes of a classic ORIENTATION frame: the counter's low eight bits, the quaternion's code."""
     return (code << 8 | counter % SEQUENCE_MODULUS).to_bytes(8, "little")
 
 

@@ -118,12 +118,7 @@ class Numbering:
             self.expected += 1  # type: ignore[operator]
 
     def number(
-        self,
-        sequence: npt.NDArray[np.uint8],
-        host_ns: IntArray,
-        marks: Marks,
-        period_ns: float,
-        may_hold: bool = True,
+        self, sequence: npt.NDArray[np.uint8], host_ns: IntArray, marks: Marks, period_ns: float, may_hold: bool = True
     ) -> tuple[IntArray, int]:
         """Find the counters of a run of samples.
 

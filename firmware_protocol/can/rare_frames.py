@@ -9,13 +9,13 @@ import numpy as np
 
 from firmware_protocol.can.iso_tp import LongPacketChannel
 from firmware_protocol.can.mapping import (
-    FD_BIT,
+    FUNCTION_MASK,
     HOST_FUNCTIONS,
     IMU_LAYOUT,
-    NODE_BITS,
     NODE_MASK,
     SEQUENCE_MODULUS,
     STATUS_PAGES,
+    WHOLE,
     CanFunction,
     status_values,
 )
@@ -25,18 +25,11 @@ from firmware_protocol.items import ForeignInfo, Tally, decode_counted
 from firmware_protocol.packets import Packet, PacketType
 from firmware_protocol.wire_values import FROM_WIRE
 
-_WHOLE = FD_BIT >> NODE_BITS
 _ORIENTATION = bytes([PacketType.ORIENTATION])
 
 
 class RareFrames:
-    """The rare packets of one object.
-
-    Parameters
-    ----------
-    tally : Tally
-        Where they are counted, but for those delivered.
-    """
+    """The rare packets of one object; what is not delivered is counted in the tally."""
 
     def __init__(self, tally: Tally) -> None:
         self._tally = tally
@@ -60,27 +53,20 @@ class RareFrames:
         reference: int | None,
         timeline: Timeline,
     ) -> list[Packet | ForeignInfo]:
-        """Process one frame.
+        """Process one record of a frame array, whose length is right for its function; return what it completes.
 
         Parameters
         ----------
         function : int
             Bits 5-10 of the arbitration id.
         record : numpy.void
-            One record of a frame array; its length is right for its function.
-        reference : int or None
-            Counter of the sample before it.
-        timeline : Timeline
-            For the device time of RAW_IMU.
-
-        Returns
-        -------
-        list
-            The packets it completes.
+            The frame.
+        reference, timeline : int or None, Timeline
+            Counter of the sample before it, and the object's times: for RAW_IMU.
         """
         data = record["data"].tobytes()[: int(record["length"])]
-        kind = function & (_WHOLE - 1)
-        is_whole = function >= _WHOLE
+        kind = function & FUNCTION_MASK
+        is_whole = function >= WHOLE
         if kind in HOST_FUNCTIONS:
             self._tally["host_frames"] += 1
             return []

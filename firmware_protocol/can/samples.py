@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from firmware_protocol.can.few_samples import next_samples
 from firmware_protocol.can.frames import FrameArray
-from firmware_protocol.can.mapping import FD_BIT, NODE_BITS, CanFunction
+from firmware_protocol.can.mapping import NODE_BITS, WHOLE, CanFunction
 from firmware_protocol.can.numbering import LATE_WINDOW, MAX_HELD, Marks, Numbering
 from firmware_protocol.can.timeline import Timeline
 from firmware_protocol.codec import ORIENTATION_DTYPE
@@ -22,8 +22,6 @@ from firmware_protocol.quantization import quats_from_q15, quats_from_smallest_t
 IntArray = npt.NDArray[np.int64]
 RowArray = npt.NDArray[np.intp]
 
-WHOLE = FD_BIT >> NODE_BITS
-"""Bit of a frame's function that marks a whole packet in a CAN FD frame."""
 SAMPLE = int(CanFunction.ORIENTATION)
 WHOLE_SAMPLE = WHOLE | SAMPLE
 TIME = int(CanFunction.TIME)
@@ -79,13 +77,7 @@ _NOTHING = FoundSamples(_NO_ROWS, _NO_SAMPLES, _NO_ROWS, _NO_ROWS, _NO_COUNTERS)
 
 
 class SampleDecoder:
-    """The samples of one boot of one object; forgotten by making a new one.
-
-    Parameters
-    ----------
-    tally : Tally
-        Where samples that cannot be used are counted.
-    """
+    """The samples of one boot of one object; forgotten by making a new one. The tally counts those of no use."""
 
     def __init__(self, tally: Tally) -> None:
         self.timeline = Timeline()

@@ -6,14 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol.can.frames import FrameArray, FrameFlag
-from firmware_protocol.can.mapping import (
-    FD_BIT,
-    FUNCTIONS,
-    HOST_FUNCTIONS,
-    NODE_BITS,
-    NODE_MASK,
-    CanFunction,
-)
+from firmware_protocol.can.mapping import FD_BIT, FUNCTION_MASK, HOST_FUNCTIONS, NODE_BITS, NODE_MASK, CanFunction
 from firmware_protocol.items import Tally
 
 _OURS = np.zeros(2048, np.bool_)
@@ -24,15 +17,7 @@ _NOT_DATA = int(FrameFlag.ERROR | FrameFlag.REMOTE | FrameFlag.EXTENDED | FrameF
 
 
 class Traffic:
-    """Picks out the frames of one object and counts the others.
-
-    Parameters
-    ----------
-    node : int or None
-        Node id; None is for the first object that is heard.
-    tally : Tally
-        Where the others are counted.
-    """
+    """Picks out the frames of one object (the first that is heard, where the node id is None), counts the others."""
 
     def __init__(self, node: int | None, tally: Tally) -> None:
         self.node = node
@@ -76,5 +61,5 @@ def _first_object(records: FrameArray) -> int | None:
     """Return the node id of the first frame that an object sent."""
     ids = records["arbitration_id"]
     nodes = ids & NODE_MASK
-    objects = nodes[(nodes > 0) & ~np.isin(ids >> NODE_BITS & (FUNCTIONS - 1), list(HOST_FUNCTIONS))]
+    objects = nodes[(nodes > 0) & ~np.isin(ids >> NODE_BITS & FUNCTION_MASK, list(HOST_FUNCTIONS))]
     return int(objects[0]) if len(objects) else None

@@ -267,10 +267,7 @@ def decode_block(block: memoryview, samples: SampleArrays, offset: int = 0) -> B
 
 
 def _append(
-    samples: SampleArrays,
-    packets: ByteArray,
-    components: list[npt.NDArray[np.int16]],
-    square: npt.NDArray[np.uint32],
+    samples: SampleArrays, packets: ByteArray, components: list[npt.NDArray[np.int16]], square: npt.NDArray[np.uint32]
 ) -> None:
     """Append n samples: packets as columns (16, n), the quaternion's components, the sum of their squares (n,)."""
     n = len(square)

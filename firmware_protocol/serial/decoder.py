@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol import codec
-from firmware_protocol.items import ForeignInfo, StreamCounters, StreamItem, Tally, decode_counted
+from firmware_protocol.items import ForeignInfo, StreamCounters, StreamItem, Tally, decode_counted, in_wire_order
 from firmware_protocol.packets import Command, Orientation, OrientationBatch, Packet, PacketType
 from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
 from firmware_protocol.serial.batch import (
@@ -63,16 +63,7 @@ class LocatedPackets:
 
     def items(self) -> list[StreamItem]:
         """Return all packets in wire order; samples with nothing else between them come as one batch."""
-        items: list[StreamItem] = []
-        delivered, n = 0, len(self.samples)
-        for position, packet, _ in self.others:
-            if position > delivered:
-                items.append(self.samples.part(slice(delivered, position)))
-                delivered = position
-            items.append(packet)
-        if n > delivered:
-            items.append(self.samples.part(slice(delivered, n)) if delivered else self.samples)
-        return items
+        return in_wire_order(self.samples, ((position, packet) for position, packet, _ in self.others))
 
 
 def encode_command(command: Command) -> bytes:

@@ -50,6 +50,20 @@ def encode_frame(packet: bytes) -> bytes:
     return b"\0" + encoded + b"\0"
 
 
+def _packet_in(piece: bytes) -> bytes | str:
+    """Return the packet in a piece; where the piece is not a frame, the name of the counter for it."""
+    if len(piece) > MAX_PIECE_BYTES:
+        return "oversize"
+    try:
+        data = cobs.decode(piece)
+    except cobs.DecodeError:
+        return "cobs_errors"
+    packet: bytes = data[:-CRC_BYTES]
+    if len(data) < CRC_BYTES or crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
+        return "crc_errors"
+    return packet
+
+
 class FrameDecoder:
     """Find the frames in a byte stream, however it is cut into chunks.
 
@@ -60,15 +74,11 @@ class FrameDecoder:
     def __init__(self) -> None:
         self._pending = b""
         self._skipping = False  # inside a piece already counted as oversize
-        self._at_start = True  # no delimiter met yet
+        self.at_start = True
+        """Whether no delimiter has been met yet: the next piece may be the rest of a frame."""
         # Plain numbers where every frame is counted, a tally for what is rare.
         self._bytes = self._delimiters = self._frames = self._frame_bytes = 0
         self._tally: Tally = Tally()
-
-    @property
-    def at_start(self) -> bool:
-        """True until the first delimiter is met: the next piece may be the rest of a frame."""
-        return self._at_start
 
     @property
     def counters(self) -> FrameCounters:
@@ -91,7 +101,7 @@ class FrameDecoder:
         self._tally["skipped_bytes"] += len(self._pending)
         self._pending = b""
         self._skipping = False
-        self._at_start = True
+        self.at_start = True
 
     def complete(self, data: bytes) -> bytes:
         """Process what one read returned; return all pieces now complete, each with the delimiter that ends it.
@@ -115,7 +125,7 @@ class FrameDecoder:
         end = data.rfind(b"\0") + 1
         self._pending = data[end:]
         if len(self._pending) > MAX_PIECE_BYTES:  # cannot become a frame: dropped now, so that memory stays bounded
-            self._reject("oversize", len(self._pending), at_start=self._at_start and end == 0)
+            self._reject("oversize", len(self._pending), at_start=self.at_start and end == 0)
             self._pending = b""
             self._skipping = True
         return data[:end]
@@ -138,28 +148,18 @@ class FrameDecoder:
                 packet = self.open_piece(run)
                 if packet is not None:
                     packets.append(packet)
-                elif not self._at_start and len(run) <= MAX_PIECE_BYTES:
+                elif not self.at_start and len(run) <= MAX_PIECE_BYTES:
                     packets.append(len(run))
-            self._at_start = False
+            self.at_start = False
         return packets
 
     def open_piece(self, piece: bytes) -> bytes | None:
         """Return the packet in one piece (without delimiter), or None; count it either way."""
-        size = len(piece)
-        if size > MAX_PIECE_BYTES:
-            self._reject("oversize", size, at_start=self._at_start)
+        packet = _packet_in(piece)
+        if isinstance(packet, str):
+            self._reject(packet, len(piece), at_start=self.at_start)
             return None
-        try:
-            data = cobs.decode(piece)
-        except cobs.DecodeError:
-            self._reject("cobs_errors", size, at_start=self._at_start)
-            return None
-        packet: bytes = data[:-CRC_BYTES]
-        if len(data) < CRC_BYTES or crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
-            self._reject("crc_errors", size, at_start=self._at_start)
-            return None
-        self._frames += 1
-        self._frame_bytes += size
+        self.count(0, 1, len(piece))
         return packet
 
     def count(self, delimiters: int, frames: int, frame_bytes: int) -> None:
@@ -174,18 +174,11 @@ class FrameDecoder:
         None, and nothing counted, for anything else, which is for :meth:`unframe`.
         """
         piece = pieces.strip(b"\0")
-        size = len(piece)
-        if not 1 + CRC_BYTES <= size <= MAX_PIECE_BYTES or b"\0" in piece:
+        packet = _packet_in(piece)  # a delimiter inside is not COBS
+        if isinstance(packet, str):
             return None
-        try:
-            data = cobs.decode(piece)
-        except cobs.DecodeError:
-            return None
-        packet: bytes = data[:-CRC_BYTES]
-        if crc_hqx(packet, CRC_INITIAL) != data[-2] | data[-1] << 8:
-            return None
-        self.count(len(pieces) - size, 1, size)
-        self._at_start = False
+        self.count(len(pieces) - len(piece), 1, len(piece))
+        self.at_start = False
         return packet
 
     def _reject(self, cause: str, size: int, *, at_start: bool) -> None:

@@ -1,25 +1,25 @@
 """The shipped DBC, read by cantools, says of every frame the object sends what our own decoder says."""
 
 import math
-from pathlib import Path
 
 import cantools
 import numpy as np
 import pytest
 
-import firmware_protocol
+from docs.can_dbc import FILE as DBC
+from docs.can_dbc import generated_dbc
 from firmware_protocol.can.dbc import dbc_text
 from firmware_protocol.can.decoder import CanStreamDecoder
 from firmware_protocol.can.encoder import command_frame
 from firmware_protocol.can.frames import CanFrame, pack_frames
 from firmware_protocol.can.iso_tp import LongPacketChannel
-from firmware_protocol.can.mapping import MAX_NODE, CanFunction, arbitration_id, split_id
+from firmware_protocol.can.mapping import MAX_NODE, MIN_NODE, CanFunction, arbitration_id, split_id
 from firmware_protocol.codec import decode_packet, encode_packet
+from firmware_protocol.errors import PacketValueError
 from firmware_protocol.packets import Ack, AckCode, Event, EventKind, Mark, RawImu, SetRate, Start, Status, TimeReply
 from firmware_protocol.quantization import SMALLEST_THREE_OFFSET, SMALLEST_THREE_SCALE
 from tests.can_traffic import PatientObject, info_packet, joined, object_at, sample_packets, unit_quaternions
 
-DBC = Path(firmware_protocol.__file__).parent / "sensorized_object.dbc"
 STATUS = Status(
     2**40 + 1,
     samples_produced=2**33,
@@ -43,7 +43,14 @@ def database() -> cantools.database.can.Database:
 
 
 def test_the_shipped_file_is_what_the_code_generates() -> None:
-    assert DBC.read_text() == dbc_text(1)
+    assert DBC.read_text(encoding="utf-8") == generated_dbc(), "run `python -m docs.can_dbc` and read the difference"
+
+
+def test_the_file_of_any_node_is_what_the_code_generates() -> None:
+    for node in range(MIN_NODE, MAX_NODE + 1):
+        assert dbc_text(node) == generated_dbc(node)
+    with pytest.raises(PacketValueError, match="node id 32"):
+        dbc_text(MAX_NODE + 1)
 
 
 @pytest.mark.parametrize("node", [1, MAX_NODE])

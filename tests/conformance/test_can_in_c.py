@@ -15,8 +15,8 @@ from firmware_protocol.can.decoder import CanStreamDecoder
 from firmware_protocol.can.frames import CanFrame, pack_frames
 from firmware_protocol.can.mapping import boot_tag
 from firmware_protocol.quantization import SMALLEST_THREE_PLAIN_MAX_ERROR_DEG
-from firmware_protocol.vectors import load_vectors
 from tests.can_traffic import is_sample, joined, object_at, sample_packets, unit_quaternions
+from tests.vectors.files import load_vectors
 from tests.waiting import HANG_S
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "can.md"

@@ -2,7 +2,6 @@
 
 import json
 import struct
-from importlib import resources
 
 import pytest
 
@@ -10,10 +9,10 @@ from firmware_protocol.can.decoder import CanStreamDecoder
 from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
 from firmware_protocol.codec import decode_packet
 from firmware_protocol.packets import Orientation, OrientationBatch
-from firmware_protocol.vectors import CAN_FILE_NAME
-from firmware_protocol.vectors.can_definitions import can_vectors_text
+from tests.vectors.can_definitions import can_vectors_text
+from tests.vectors.files import CAN_FILE
 
-TEXT = resources.files("firmware_protocol.vectors").joinpath(CAN_FILE_NAME).read_text(encoding="utf-8")
+TEXT = CAN_FILE.read_text(encoding="utf-8")
 VECTORS = json.loads(TEXT)["vectors"]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from firmware_protocol.serial.framing import FrameDecoder
-from firmware_protocol.vectors import load_vectors
+from tests.vectors.files import load_vectors
 from tests.waiting import HANG_S
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "protocol.md"

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import socket
 import threading
 from typing import Any
 
@@ -9,6 +10,7 @@ import can
 import numpy as np
 import pytest
 
+from emulator.links import open_link
 from firmware_protocol.can.frames import CanFrame, unpack_frames
 from firmware_protocol.packets import Info, Status, TimeReply
 from host.errors import LinkError, LinkLostError, NoAnswerError, PortBusyError, PortNotFoundError, UsageError
@@ -78,7 +80,7 @@ def inject(link: Any, bad: bytes) -> threading.Event:
             done.set()
         return [frame]
 
-    link.frame_tamper = tamper
+    link.object_end.tamper = tamper
     return done
 
 
@@ -123,7 +125,7 @@ def after_bad(transport: Any, link: Any, got: Got, bad: bytes, n: int) -> int:
     lost = counted(got.items)["samples_lost"]
     injected = inject(link, bad)
     receive(transport, lambda _: injected.is_set(), got=got)
-    sent = link.frames_sent  # of those before the bad bytes, some may still be under way
+    sent = link.object_end.n_sent  # of those before the bad bytes, some may still be under way
     receive(transport, lambda got: got.link.counters.frames > sent + n, got=got)
     return counted(got.items)["samples_lost"] - lost
 
@@ -156,6 +158,18 @@ def test_bad_words_from_socketcand_are_counted_and_survived(request: pytest.Fixt
             assert transport.health.reopens > reopens or not (b"zz" in bad or b"\xff" in bad), bad
         finish(transport, got)
     assert got.session.phase is Phase.STOPPED
+
+
+def test_the_newest_client_of_socketcand_takes_the_place_of_the_one_before() -> None:
+    with open_link("can:socketcand:0") as link:
+        address = ("127.0.0.1", link.port)
+        with socket.create_connection(address, HANG_S) as first:
+            link.receive()
+            assert first.recv(100) == b"< hi >"
+            with socket.create_connection(address, HANG_S) as second:
+                link.receive()
+                assert second.recv(100) == b"< hi >"
+                assert first.recv(100) == b""
 
 
 @pytest.mark.parametrize("address", ["can:socketcand:0", "can:slcan:pty"])

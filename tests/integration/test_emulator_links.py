@@ -14,7 +14,7 @@ import pytest
 import serial
 
 from emulator import EmulatorError, LinkError
-from emulator.links import link_kinds, open_link
+from emulator.links import open_link
 from emulator.runner import run
 from emulator.scenario import load_scenario
 from firmware_protocol import packets as p
@@ -137,8 +137,8 @@ def test_truth_survives_a_killed_run(tmp_path):
 def test_a_pty_that_nobody_opens_does_not_block_and_counts():
     mute = load_scenario("mute")
     result = run(replace(mute, device=replace(mute.device, rate_hz=1000)), open_link("pty:"), duration_s=0.5)
-    assert result.truth["device"]["samples_produced"] == pytest.approx(500, abs=3)
-    assert result.truth["device"]["samples_dropped"] == result.truth["device"]["samples_produced"]
+    assert result["device"]["samples_produced"] == pytest.approx(500, abs=3)
+    assert result["device"]["samples_dropped"] == result["device"]["samples_produced"]
 
 
 def test_a_pty_that_is_open_but_not_read_does_not_block_and_counts():
@@ -149,7 +149,7 @@ def test_a_pty_that_is_open_but_not_read_does_not_block_and_counts():
         wait_for(lambda: "value" in result, "the end of the run")
         # The pseudo-terminal is gone by now; what its buffer held cannot be read any more.
         port.close()
-    counts = result["value"].truth["device"]
+    counts = result["value"]["device"]
     assert counts["samples_produced"] == pytest.approx(2500, abs=3)
     assert counts["samples_dropped"] > 500
 
@@ -262,7 +262,7 @@ def test_tcp_serves_one_client_after_another_and_none_beside():
         third = Host(url).read_until(lambda h: h.count(p.PacketType.ORIENTATION) >= 20)
         assert third.decoder.counters.crc_errors == 0
         third.port.close()
-    assert result["value"].truth["device"]["commands"] == 1
+    assert result["value"]["device"]["commands"] == 1
 
 
 def test_a_tcp_client_that_does_not_read_does_not_block():
@@ -272,7 +272,7 @@ def test_a_tcp_client_that_does_not_read_does_not_block():
         client = serial.serial_for_url(url, timeout=0.05)
         wait_for(lambda: "value" in result, "the end of the run")
         client.close()
-    assert result["value"].truth["device"]["samples_produced"] == pytest.approx(500, abs=3)
+    assert result["value"]["device"]["samples_produced"] == pytest.approx(500, abs=3)
 
 
 def test_addresses_that_are_wrong(tmp_path):
@@ -288,7 +288,6 @@ def test_addresses_that_are_wrong(tmp_path):
     ]:
         with pytest.raises(LinkError, match=says):
             open_link(address)
-    assert {"pty", "tcp", "file", "can"} <= set(link_kinds())
     taken = open_link("tcp:0")
     with taken, pytest.raises(LinkError, match="cannot listen on port"):
         open_link(f"tcp:{taken.port}").open()
@@ -303,13 +302,13 @@ def test_a_ten_minute_trial_in_virtual_time_to_a_byte_file(tmp_path):
     scenario = replace(default, motion=replace(default.motion, cycles=149))
     started = time.monotonic()
     result = run(scenario, open_link(f"file:{tmp_path}/trial.bin"), truth_path=tmp_path / "truth.json")
-    print(f"{result.duration_s:.0f} s of trial in {time.monotonic() - started:.2f} s")
-    assert result.duration_s == 600.0
+    print(f"{result['duration_s']:.0f} s of trial in {time.monotonic() - started:.2f} s")
+    assert result["duration_s"] == 600.0
     decoder = StreamDecoder()
     items = decoder.feed((tmp_path / "trial.bin").read_bytes())
-    assert decoder.counters.packets[p.PacketType.ORIENTATION] == result.truth["device"]["samples_produced"]
+    assert decoder.counters.packets[p.PacketType.ORIENTATION] == result["device"]["samples_produced"]
     assert decoder.counters.crc_errors == counted(items)["sequence_gaps"] == 0
-    assert json.loads((tmp_path / "truth.json").read_text()) == json.loads(json.dumps(result.truth))
+    assert json.loads((tmp_path / "truth.json").read_text()) == json.loads(json.dumps(result))
     with pytest.raises(EmulatorError, match="exists"):
         run(scenario, open_link(f"file:{tmp_path}/trial.bin"))
 
@@ -331,7 +330,7 @@ def test_a_run_that_would_never_end_in_virtual_time_is_refused(tmp_path):
 def test_a_stop_event_ends_a_run_soon():
     with emulator_thread(load_scenario("static"), open_link("pty:")) as (_, result):
         pass
-    assert result["value"].truth["complete"] is True
+    assert result["value"]["complete"] is True
 
 
 def test_samples_leave_when_they_are_made_not_in_bunches():

@@ -31,7 +31,7 @@ def running(scenario, path):
 
     def work():
         result = run(scenario, open_link(f"pty:{path}"), stop=stop, on_ready=lambda _: ready.set(), live_faults=live)
-        truth.update(result.truth)
+        truth.update(result)
 
     thread = threading.Thread(target=work)
     thread.start()

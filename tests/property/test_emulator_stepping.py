@@ -37,10 +37,10 @@ def bytes_of_a_run(cuts, scenario=DEFAULT, commands=tuple(COMMANDS)):
     virtual, link = VirtualObject(scenario, seed=11), MemoryLink()
     commands = dict(commands)
     for now_s in sorted({*cuts, *commands, 10.0}):
-        virtual.step(now_s, link.send)
+        virtual.firmware.step(now_s, link.send)
         if now_s in commands:
-            virtual.receive(encode_packet(commands[now_s]), now_s)
-            virtual.step(now_s, link.send)
+            virtual.firmware.receive(encode_packet(commands[now_s]), now_s)
+            virtual.firmware.step(now_s, link.send)
     return link.take()
 
 
@@ -75,8 +75,8 @@ def test_another_seed_gives_other_bytes():
     runs = []
     for seed in (11, 12):
         virtual, link = VirtualObject(DEFAULT, seed), MemoryLink()
-        virtual.receive(encode_packet(p.Start(1)), 0.0)
-        virtual.step(1.0, link.send)
+        virtual.firmware.receive(encode_packet(p.Start(1)), 0.0)
+        virtual.firmware.step(1.0, link.send)
         runs.append(link.take())
     assert runs[0] != runs[1]
 
@@ -96,10 +96,10 @@ class AnyHost(RuleBasedStateMachine):
         self.samples = 0
 
     def _run(self):
-        self.object.step(self.now_s, self.link.send)
+        self.object.firmware.step(self.now_s, self.link.send)
         for command in self.link.receive():
-            self.object.receive(command, self.now_s)
-        self.object.step(self.now_s, self.link.send)
+            self.object.firmware.receive(command, self.now_s)
+        self.object.firmware.step(self.now_s, self.link.send)
         for item in self.decoder.feed(self.link.take()):
             if isinstance(item, p.Ack):
                 self.acks[item.command_type, item.command_id] += 1
@@ -135,8 +135,8 @@ class AnyHost(RuleBasedStateMachine):
 
     @rule(packet=st.binary(min_size=1, max_size=20))
     def framed_garbage(self, packet):
-        self.object.step(self.now_s, self.link.send)
-        self.object.receive(packet, self.now_s)
+        self.object.firmware.step(self.now_s, self.link.send)
+        self.object.firmware.receive(packet, self.now_s)
         if len(packet) >= 2 and packet[0] >= 0x80 and packet[0] != p.PacketType.TIME_REQUEST:
             self.expected_acks[packet[0], packet[1]] += 1
         self._run()
@@ -259,7 +259,7 @@ def test_any_table_is_a_scenario_or_a_scenario_error(document):
 def test_whatever_the_object_sends_is_decodable(packet):
     virtual = VirtualObject(DEFAULT)
     sent = []
-    virtual.receive(packet, 0.0)
-    virtual.step(0.2, lambda packets: sent.extend(packets) or len(packets))
+    virtual.firmware.receive(packet, 0.0)
+    virtual.firmware.step(0.2, lambda packets: sent.extend(packets) or len(packets))
     for each in sent:
         decode_packet(each)

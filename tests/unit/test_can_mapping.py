@@ -81,7 +81,6 @@ def test_ids_are_unique_and_come_apart() -> None:
                 seen[identifier] = split_id(identifier)
                 assert (seen[identifier].function, seen[identifier].node) == (function, node)
                 assert seen[identifier].whole_packet == whole
-                assert seen[identifier].arbitration_id == identifier
     others = [identifier for identifier in range(-1, 3000) if identifier not in seen]
     assert all(split_id(identifier) is None for identifier in others)
 
@@ -250,7 +249,6 @@ def test_commands_reach_their_node_and_all(command: object, fd: bool) -> None:
     for node, taken in ((5, [packet]), (ALL_NODES, [packet]), (6, [])):
         end = CanObject(5, fd)
         assert end.receive(command_frame(packet, node, fd)) == (taken, [])
-        assert end.ignored_frames == (not taken)
 
 
 def test_objects_ignore_what_is_no_command() -> None:
@@ -264,7 +262,6 @@ def test_objects_ignore_what_is_no_command() -> None:
         CanFrame(arbitration_id(CanFunction.ORIENTATION, 5), bytes(8)),
     ):
         assert end.receive(frame) == ([], [])
-    assert end.ignored_frames == 6
 
 
 def test_a_sample_is_off_by_less_than_0_0009_degrees() -> None:

@@ -31,7 +31,7 @@ def run_with(faults, duration_s=None, commands=START, scenario=IDEAL, seed=3):
     result = run(replace(scenario, faults=faults), link, duration_s, seed=seed)
     decoder = StreamDecoder()
     items = decoder.feed(link.take())
-    return result.truth, decoder.counters, items
+    return result, decoder.counters, items
 
 
 def samples(items):
@@ -214,7 +214,7 @@ def test_live_faults():
     link.put(p.Start(1))
     live.put(parse_fault_command("stall for_s=2"))
     result = run(IDEAL, link, 10.0, live_faults=live)
-    assert entries(result.truth, "stall")[0]["for_s"] == 2.0
+    assert entries(result, "stall")[0]["for_s"] == 2.0
     for text, says in [
         ("", "a fault command is one of stall"),
         ("explode", "kind must be one of stall"),

@@ -38,16 +38,16 @@ class Bench:
     def wait(self, seconds, step_s=0.01):
         for _ in range(round(seconds / step_s)):
             self.now_s = round(self.now_s + step_s, 9)
-            self.object.step(self.now_s, self.sink)
+            self.object.firmware.step(self.now_s, self.sink)
         return self
 
     def tell(self, command):
         """Send a command and return what came back for it at once."""
         before = len(self.packets)
-        self.object.step(self.now_s, self.sink)
+        self.object.firmware.step(self.now_s, self.sink)
         data = command if isinstance(command, bytes) else encode_packet(command)
-        self.object.receive(data, self.now_s)
-        self.object.step(self.now_s, self.sink)
+        self.object.firmware.receive(data, self.now_s)
+        self.object.firmware.step(self.now_s, self.sink)
         return self.packets[before:]
 
     def all(self, kind):
@@ -389,6 +389,6 @@ def test_memory_link_frames_are_what_a_stream_decoder_reads():
     link.put(p.GetInfo(1))
     virtual = VirtualObject(load_scenario("default"))
     (command,) = link.receive()
-    virtual.receive(command, 0.0)
-    virtual.step(0.0, link.send)
+    virtual.firmware.receive(command, 0.0)
+    virtual.firmware.step(0.0, link.send)
     assert [type(each) for each in StreamDecoder().feed(link.take())] == [p.Info, p.Ack, p.Info]

@@ -63,7 +63,7 @@ def run_in_memory(scenario, seed=None):
     link.put(Start(1))
     result = run(scenario, link, seed=seed)
     batches = [item for item in StreamDecoder().feed(link.take()) if isinstance(item, OrientationBatch)]
-    return result.truth, batches
+    return result, batches
 
 
 @pytest.mark.parametrize("name", ["ideal", "start-midway", "two-hump", "trapezoid", "clock-wrap"])

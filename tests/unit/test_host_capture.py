@@ -72,8 +72,8 @@ class Bench:
             now_s = time.monotonic() - started
             with self._lock:
                 for command in self._wire.receive():
-                    self._virtual.receive(command, now_s)
-            self._virtual.step(now_s, self._wire.send)
+                    self._virtual.firmware.receive(command, now_s)
+            self._virtual.firmware.step(now_s, self._wire.send)
             data = self._wire.take()
             if data:
                 self.link.deliver(data)

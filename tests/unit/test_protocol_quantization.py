@@ -17,6 +17,10 @@ def angles_rad(p_wxyz, q_wxyz):
     return 4.0 * np.arcsin(chord / 2.0)
 
 
+def smallest_three(q_wxyz):
+    return int(quant.quats_to_smallest_three([q_wxyz])[0])
+
+
 def random_units(n, seed):
     q = np.random.default_rng(seed).normal(size=(n, 4))
     return q / np.linalg.norm(q, axis=1)[:, None]
@@ -95,13 +99,13 @@ def test_smallest_three_by_plain_rounding_has_the_larger_bound():
 
 
 def test_the_smallest_three_code_is_as_laid_down():
-    assert quant.quat_to_smallest_three((1.0, 0.0, 0.0, 0.0)) == 0 << 54 | 0x20000 << 36 | 0x20000 << 18 | 0x20000
-    assert quant.quat_to_smallest_three((0.0, 0.0, 0.0, -1.0)) == 3 << 54 | 0x20000 << 36 | 0x20000 << 18 | 0x20000
+    assert smallest_three((1.0, 0.0, 0.0, 0.0)) == 0 << 54 | 0x20000 << 36 | 0x20000 << 18 | 0x20000
+    assert smallest_three((0.0, 0.0, 0.0, -1.0)) == 3 << 54 | 0x20000 << 36 | 0x20000 << 18 | 0x20000
     step = 1.0 / quant.SMALLEST_THREE_SCALE
     w = math.sqrt(1.0 - 5.0 * step**2)
-    assert quant.quat_to_smallest_three((w, step, 0.0, -2 * step)) == 0x20001 << 36 | 0x20000 << 18 | 0x1FFFE
+    assert smallest_three((w, step, 0.0, -2 * step)) == 0x20001 << 36 | 0x20000 << 18 | 0x1FFFE
     half = math.sqrt(0.5)
-    assert quant.quat_to_smallest_three((half, half - 1e-12, 0.0, 0.0)) >> 36 == 0x3FFFF
+    assert smallest_three((half, half - 1e-12, 0.0, 0.0)) >> 36 == 0x3FFFF
 
 
 def test_scalar_and_batch_agree_to_the_last_bit():
@@ -113,7 +117,7 @@ def test_scalar_and_batch_agree_to_the_last_bit():
     for k, quat in enumerate(quats.tolist()):
         assert quant.quat_to_q15(quat) == tuple(codes[k].tolist())
         assert quant.quat_from_q15(*codes[k].tolist()) == tuple(decoded[k].tolist())
-        assert quant.quat_to_smallest_three(quat) == int(packed[k])
+        assert smallest_three(quat) == int(packed[k])
         assert np.array_equal(quant.quats_from_smallest_three(packed[k : k + 1])[0][0], unpacked[k])
 
 
@@ -129,7 +133,7 @@ def test_every_axis_quaternion_is_exact():
     "quat", [(0.0,) * 4, (1.011, 0.0, 0.0, 0.0), (0.989, 0.0, 0.0, 0.0), (math.nan,) * 4, (math.inf,) * 4]
 )
 def test_what_is_not_unit_is_refused(quat):
-    for scalar in (quant.quat_to_q15, quant.quat_to_smallest_three):
+    for scalar in (quant.quat_to_q15, smallest_three):
         with pytest.raises(PacketValueError, match="norm"):
             scalar(quat)
     for batch in (quant.quats_to_q15, quant.quats_to_smallest_three):

@@ -6,16 +6,17 @@ from pathlib import Path
 
 import pytest
 
+from docs.field_tables import field_rows
 from firmware_protocol import codec, packets, quantization, schema
 from firmware_protocol.errors import PacketValueError
 from firmware_protocol.packets import PacketType
 from firmware_protocol.serial import decoder as stream
 from firmware_protocol.serial import framing as serial_framing
-from firmware_protocol.vectors import load_vectors
-from firmware_protocol.vectors.definitions import PACKETS
 from host.links.serial.port import DEFAULT_BAUD
 from host.stream.session import SessionSettings
 from tests.sequence_oracle import LATE_WINDOW
+from tests.vectors.files import load_vectors
+from tests.vectors.serial_definitions import PACKETS
 
 TEXT = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
 BITS = {"u8": 8, "u16": 16, "u32": 32, "u64": 64}
@@ -37,8 +38,8 @@ def packet_heading(packet_type):
 @pytest.mark.parametrize("packet_type", list(PacketType))
 def test_field_tables_are_the_schema(packet_type):
     written = [(int(row["offset"]), row["type"], row["field"]) for row in table_under(packet_heading(packet_type))]
-    assert written == [(row.offset, row.wire_type, row.name) for row in schema.field_rows(packet_type)]
-    rows = schema.field_rows(packet_type)
+    assert written == [(row.offset, row.wire_type, row.name) for row in field_rows(packet_type)]
+    rows = field_rows(packet_type)
     assert [row.offset for row in rows[1:]] == [row.offset + row.size for row in rows[:-1]], "no padding"
     assert rows[-1].offset + rows[-1].size == schema.PACKET_BYTES[packet_type] <= serial_framing.MAX_PACKET_BYTES
 
@@ -94,7 +95,7 @@ def written_step(packet_type, name):
 
 @pytest.mark.parametrize(("packet_type", "name"), STEPS, ids=lambda value: getattr(value, "name", value))
 def test_one_count_means_what_the_table_says(packet_type, name):
-    row = next(row for row in schema.field_rows(packet_type) if row.name == name)
+    row = next(row for row in field_rows(packet_type) if row.name == name)
     data = bytearray(codec.encode_packet(EXAMPLES[packet_type]))
     at = row.offset + (1 if name == "weights" else 0)  # the slot stands in front of the mass
     if name == "q_wxyz":

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Sequence
 from typing import Protocol
 
 from emulator.links.byte_stream import ByteLink
-from emulator.links.can.link import MAX_PACKETS_AT_ONCE, CanAddress, FrameTamper
+from emulator.links.can.link import MAX_PACKETS_AT_ONCE, CanAddress
 from firmware_protocol.can.encoder import CanObject
 from firmware_protocol.can.frames import CanFrame
 from firmware_protocol.packets import PacketType
@@ -34,15 +33,7 @@ class Adapter(Protocol):
 
 
 class CanByteLink(ByteLink):
-    """A byte link with an adapter. The object is heard only while the host has the channel open.
-
-    Attributes
-    ----------
-    frame_tamper
-        Faults on the frames the object sends.
-    frames_sent
-        Frames handed to the adapter while its channel was open.
-    """
+    """A byte link with an adapter. The object is heard only while the host has the channel open."""
 
     carries_damage = False  # the damage meant is that of the object's own line: the bus
 
@@ -51,8 +42,6 @@ class CanByteLink(ByteLink):
         self.address = address
         self.adapter = adapter
         self.object_end = CanObject(address.node, address.fd)
-        self.frame_tamper: FrameTamper | None = None
-        self.frames_sent = 0
         self._greeted = False
         self._commands: list[bytes] = []
 
@@ -79,9 +68,6 @@ class CanByteLink(ByteLink):
         if not frames:
             return
         time_ms = time.monotonic_ns() // 1_000_000
-        if self.frame_tamper is not None:
-            frames = list(itertools.chain.from_iterable(map(self.frame_tamper, frames)))
-        self.frames_sent += len(frames)
         self._rest += b"".join(self.adapter.from_bus(frame, time_ms) for frame in frames)
         self._flush()
 

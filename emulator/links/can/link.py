@@ -13,18 +13,12 @@ Options after ``?``: ``node`` (1-31, default 1), ``fd=1``, ``bitrate`` and ``dat
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
 from urllib.parse import parse_qsl
 
 from emulator import LinkError
 from emulator.links import Link
-from firmware_protocol.can.frames import CanFrame
 from firmware_protocol.can.mapping import MAX_NODE, MIN_NODE
-
-FrameTamper: TypeAlias = Callable[[CanFrame], list[CanFrame]]
-"""One frame as it should be on the bus in, the frames that really go out: faults."""
 
 MAX_PACKETS_AT_ONCE = 64
 DEFAULT_BITRATE = 500_000

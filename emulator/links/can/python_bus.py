@@ -6,7 +6,6 @@ Nothing shows whether anybody listens, so samples are sent from power-up on, as 
 from __future__ import annotations
 
 import contextlib
-import itertools
 import socket
 import sys
 import time
@@ -17,7 +16,7 @@ import can
 
 from emulator import LinkError
 from emulator.links import Link
-from emulator.links.can.link import MAX_PACKETS_AT_ONCE, CanAddress, FrameTamper
+from emulator.links.can.link import MAX_PACKETS_AT_ONCE, CanAddress
 from firmware_protocol.can.encoder import CanObject
 from firmware_protocol.can.frames import CanFrame, FrameFlag
 from firmware_protocol.errors import ProtocolError
@@ -42,19 +41,11 @@ def from_can_address(address: CanAddress) -> PythonCanLink:
 
 
 class PythonCanLink(Link):
-    """A node on a bus.
-
-    Parameters
-    ----------
-    address : CanAddress
-        Interface, channel, node id, CAN FD, bit rates.
-    """
+    """A node on a bus."""
 
     def __init__(self, address: CanAddress) -> None:
         self.address = address
         self.object_end = CanObject(address.node, address.fd)
-        self.frame_tamper: FrameTamper | None = None
-        self.frames_sent = 0
         self._bus: can.BusABC | None = None
         self._unsent: list[CanFrame] = []
         self._early: can.Message | None = None
@@ -108,8 +99,6 @@ class PythonCanLink(Link):
         return len(accepted)
 
     def _put(self, frames: Sequence[CanFrame]) -> None:
-        if self.frame_tamper is not None:
-            frames = list(itertools.chain.from_iterable(map(self.frame_tamper, frames)))
         self._unsent += frames
         del self._unsent[MAX_UNSENT_FRAMES:]
         sent = 0
@@ -120,7 +109,6 @@ class PythonCanLink(Link):
             except (can.CanError, OSError):  # the queue is full, or the bus is down
                 break
             sent += 1
-        self.frames_sent += sent
         del self._unsent[:sent]
 
     def receive(self) -> list[bytes]:
@@ -133,9 +121,7 @@ class PythonCanLink(Link):
             commands += found
             self._put(replies)
         if self._bus is not None:
-            replies = self.object_end.poll()
-            if replies:
-                self._put(replies)
+            self._put(self.object_end.poll())
         return commands
 
     def _next(self, timeout_s: float) -> can.Message | None:

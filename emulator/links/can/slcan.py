@@ -34,17 +34,9 @@ def from_can_address(address: CanAddress) -> CanByteLink:
 
 
 class SlcanPtyLink(CanByteLink, PtyLink):
-    """An adapter that appears as a serial device.
+    """An adapter that appears as a serial device."""
 
-    Parameters
-    ----------
-    address : CanAddress
-        Node id, CAN FD, bit rates.
-    symlink : Path or None
-        Where to put a symbolic link to the device.
-    """
-
-    def __init__(self, address: CanAddress, symlink: Path | None = None) -> None:
+    def __init__(self, address: CanAddress, symlink: Path | None) -> None:
         PtyLink.__init__(self, symlink)
         self.prepare(address, SlcanAdapter())
 
@@ -55,17 +47,9 @@ class SlcanPtyLink(CanByteLink, PtyLink):
 
 
 class SlcanTcpLink(CanByteLink, TcpLink):
-    """An adapter behind a TCP port on loopback.
+    """An adapter behind a TCP port on loopback."""
 
-    Parameters
-    ----------
-    address : CanAddress
-        Node id, CAN FD, bit rates.
-    port : int
-        0 is any free one.
-    """
-
-    def __init__(self, address: CanAddress, port: int = 0) -> None:
+    def __init__(self, address: CanAddress, port: int) -> None:
         TcpLink.__init__(self, port)
         self.prepare(address, SlcanAdapter())
 

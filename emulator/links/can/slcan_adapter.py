@@ -29,6 +29,8 @@ MAX_LINE_BYTES = 160
 TIMESTAMP_MODULUS_MS = 60_000
 
 _OK, _REFUSED = b"\r", b"\a"
+_IDENTITY = {"V": b"V1013\r", "v": b"v0101\r", "N": b"NRD01\r"}
+"""Answers to the questions for hardware version, firmware version and serial number."""
 _SENT = {False: b"z\r", True: b"Z\r"}
 
 
@@ -47,17 +49,7 @@ def slcan_line(frame: CanFrame) -> bytes:
 
 
 class SlcanAdapter:
-    """One adapter with its channel.
-
-    Attributes
-    ----------
-    is_open, listens_only
-        State of the channel.
-    bitrate, data_bitrate
-        As last set, bit/s; None before.
-    refusals
-        Commands answered with BEL.
-    """
+    """One adapter with its channel; bit rates are those last set, bit/s, None before."""
 
     greeting = b""
 
@@ -75,7 +67,6 @@ class SlcanAdapter:
         self.timestamps = False
         self.bitrate: int | None = None
         self.data_bitrate: int | None = None
-        self.refusals = 0
 
     def hears(self, time_ms: int) -> bool:  # noqa: ARG002 (other adapters want a pause first)
         """Return whether the channel is open."""
@@ -101,13 +92,8 @@ class SlcanAdapter:
                     self._line.append(byte)
                 continue
             line, self._line = bytes(self._line), bytearray()
-            if self._overlong:
-                self._overlong = False
-                answer: bytes = _REFUSED
-            else:
-                answer = self._command(line.decode("latin-1"), frames)
-            self.refusals += answer == _REFUSED
-            answers += answer
+            answers += _REFUSED if self._overlong else self._command(line.decode("latin-1"), frames)
+            self._overlong = False
         return bytes(answers), frames
 
     def _command(self, line: str, frames: list[CanFrame]) -> bytes:
@@ -127,12 +113,8 @@ class SlcanAdapter:
                 return _REFUSED
             self.is_open = False
             return _OK
-        if kind == "V" and not rest:
-            return b"V1013\r"
-        if kind == "v" and not rest:
-            return b"v0101\r"
-        if kind == "N" and not rest:
-            return b"NRD01\r"
+        if line in _IDENTITY:
+            return _IDENTITY[line]
         if kind == "F" and not rest:
             return b"F00\r" if self.is_open else _REFUSED
         return self._configure(kind, rest)

@@ -5,9 +5,7 @@ Source: github.com/linux-can/socketcand, doc/protocol.md (raw mode).
 
 from __future__ import annotations
 
-import contextlib
 import re
-import socket
 
 from emulator import LinkError
 from emulator.links.can.byte_link import CanByteLink
@@ -54,7 +52,6 @@ class SocketcandSession:
         self._has_bus = False
         self._raw_asked = False
         self._raw_since_ms: int | None = None
-        self.refusals = 0
 
     def hears(self, time_ms: int) -> bool:
         """Return whether frames are passed on: in raw mode, and a while after its answer."""
@@ -100,22 +97,16 @@ class SocketcandSession:
                 flags = FrameFlag.EXTENDED if len(found[1]) > 3 else FrameFlag(0)
                 frames.append(CanFrame(int(found[1], 16), data, flags))
                 return b""
-        self.refusals += 1
         return b"< error could not open bus >" if words.startswith("open") else b"< error unknown command >"
 
 
 class SocketcandLink(CanByteLink, TcpLink):
-    """A socketcand server with the object on its bus; one client at a time, and the newest it is.
+    """A socketcand server with the object on its bus; one client at a time, and the newest it is."""
 
-    Parameters
-    ----------
-    address : CanAddress
-        Node id.
-    port : int
-        0 is any free one.
-    """
+    # A real server has many; so a client that comes back must not wait until its old connection is found dead.
+    newest_wins = True
 
-    def __init__(self, address: CanAddress, port: int = 0) -> None:
+    def __init__(self, address: CanAddress, port: int) -> None:
         TcpLink.__init__(self, port)
         self.prepare(address, SocketcandSession())
 
@@ -123,15 +114,3 @@ class SocketcandLink(CanByteLink, TcpLink):
     def host_uri(self) -> str:
         """``can:socketcand:127.0.0.1:PORT/vcan0?…``."""
         return self.address.host_uri(f"127.0.0.1:{self.port}/{BUS}")
-
-    def _accept(self) -> None:
-        # A real server has many; so a client that comes back must not wait until its old connection is found dead.
-        if self._server is None:
-            return
-        with contextlib.suppress(OSError):
-            while True:
-                client, _ = self._server.accept()
-                self._drop_client()
-                client.setblocking(False)
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._client = client
