@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from analysis.scoring.result import Result
 from host.capture.alarms import AlarmWatch
@@ -13,37 +13,18 @@ from host.trial.running_score import RunningScore
 from host.trial.state import LinkView, RecordingView, ScoreView, TargetView, TrialState
 
 
+@dataclass
 class Snapshots:
-    """Puts states together, and keeps what depends on the states before: the alarms and the step of the guide.
+    """Puts states together, and keeps what depends on the states before: the alarms and the step of the guide."""
 
-    Parameters
-    ----------
-    trial : Trial
-        Decodes and scores.
-    desk : OperatorDesk
-        Has the operator's marks.
-    title : str
-        Of the screen.
-    target : TargetView
-        When the capture will end.
-    guide : Guide, optional
-        Leads through the trial.
-    """
-
-    def __init__(
-        self,
-        trial: Trial,
-        desk: OperatorDesk,
-        title: str = "rotdrift",
-        target: TargetView | None = None,
-        guide: Guide | None = None,
-    ) -> None:
-        self._trial = trial
-        self._desk = desk
-        self._title = title
-        self._target = target or TargetView()
-        self._guide = guide
-        self._alarms = AlarmWatch()
+    trial: Trial
+    desk: OperatorDesk
+    title: str = "rotdrift"
+    """Of the screen."""
+    target: TargetView = TargetView()
+    """When the capture will end."""
+    guide: Guide | None = None
+    _alarms: AlarmWatch = field(default_factory=AlarmWatch, init=False)
 
     def at(
         self,
@@ -69,11 +50,11 @@ class Snapshots:
         enough : bool
             Whether there are as many cycles, or as narrow an interval, as asked for: the guide goes on then.
         """
-        trial = self._trial
+        trial = self.trial
         state = TrialState(
-            title=self._title,
+            title=self.title,
             elapsed_s=elapsed_s,
-            target=self._target,
+            target=self.target,
             score=_score_view(trial.score),
             motion=trial.motion_view(),
             sensor=trial.sensor_view(),
@@ -82,9 +63,9 @@ class Snapshots:
             link=link,
             recording=recording,
             warnings=warnings,
-            marks=self._desk.marks,
+            marks=self.desk.marks,
         )
-        guide = None if self._guide is None else self._guide.update(state, enough)
+        guide = None if self.guide is None else self.guide.update(state, enough)
         return replace(state, alarms=self._alarms.update(state), guide=guide)
 
 
