@@ -31,16 +31,9 @@ class ScreenChoice:
 
 
 def open_screen(json_output: bool, stream: TextIO | None = None, choice: ScreenChoice | None = None) -> Screen:
-    """Return the screen for a capture.
+    """Return the screen for a capture whose person may be looking at ``stream``, by default standard output.
 
-    Parameters
-    ----------
-    json_output : bool
-        Standard output belongs to a JSON object: lines go to standard error.
-    stream : text file, optional
-        Where a person may be looking; standard output by default.
-    choice : ScreenChoice, optional
-        What the person asked for.
+    With ``json_output`` that belongs to a JSON object, and lines go to standard error.
     """
     if json_output:
         return LineScreen(sys.stderr)

@@ -14,7 +14,7 @@ from typing import IO, Any, TextIO
 from host.screen.dashboard.theme import Theme
 from host.screen.keys import ScreenAction
 from host.screen.pipe import FrameSender, decode_action
-from host.screen.process import command_line
+from host.screen.process import command_line, handle_signals
 from host.screen.screens import Screen
 from host.screen.terminal import Terminal
 from host.text import plain
@@ -29,18 +29,7 @@ class LiveScreen(Screen):
     """Hands states to the process that draws them.
 
     While it is up, signals that would stop this program in the shell's way (Control-Z) are ignored: a stopped capture
-    loses data. The keys of the screen offer to step aside instead.
-
-    Parameters
-    ----------
-    stream : text file
-        Of the terminal.
-    fallback : Screen
-        Who goes on when the screen process fails.
-    theme : Theme
-        How to draw.
-    bell : bool
-        Whether to ring at new alarms and at the end.
+    loses data. The keys of the screen offer to step aside instead. When the process fails, the ``fallback`` goes on.
     """
 
     def __init__(self, stream: TextIO, fallback: Screen, theme: Theme, bell: bool = False) -> None:
@@ -66,10 +55,7 @@ class LiveScreen(Screen):
         """Start the process that draws; the terminal is its own from here on."""
         self._terminal = Terminal(self._stream.fileno())
         if threading.current_thread() is threading.main_thread():
-            for name in _JOB_SIGNALS:
-                number = getattr(signal, name, None)
-                if number is not None:
-                    self._handlers[number] = signal.signal(number, signal.SIG_IGN)
+            self._handlers = handle_signals(_JOB_SIGNALS, signal.SIG_IGN)
         descriptor = os.dup(self._stream.fileno())  # a number that no pipe has over there
         extra: dict[str, Any] = {} if sys.platform == "win32" else {"pass_fds": (descriptor,)}
         process = subprocess.Popen(  # noqa: S603 - our own program

@@ -20,18 +20,13 @@ Lines = list[Text]
 
 def fitted(line: Text, width: int, theme: Theme) -> Text:
     """Return a line cut or padded to a width; what is cut ends in an ellipsis (ASCII: ``~``)."""
-    missing = width - line.cell_len
-    if missing < 0:
-        line = line.copy()
-        if theme.ascii_only:
-            line.truncate(max(0, width - 1), overflow="crop")
-            line.append("~"[:width])
-        else:
-            line.truncate(width, overflow="ellipsis")
-        missing = width - line.cell_len
-    if missing > 0:
-        line = line.copy()
-        line.append(" " * missing)
+    if line.cell_len == width:
+        return line
+    line = line.copy()
+    if theme.ascii_only and line.cell_len > width:
+        line.truncate(max(0, width - 1), overflow="crop")
+        line.append("~"[:width])
+    line.truncate(width, overflow="ellipsis", pad=True)
     return line
 
 

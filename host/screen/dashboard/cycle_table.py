@@ -68,8 +68,8 @@ def _line(row: CycleRow, longest_deg: float, columns: _Columns, theme: Theme, wi
     if columns.theta:
         parts.append(f"{_angle(row.theta_bar_deg, theme):>{_THETA}}")
     line = theme.join(*parts)
-    note = row.excluded if row.excluded in {OUTSIDE, MISSED} else f"left out: {row.excluded}"
-    note = note if row.excluded else ", ".join(row.flags)
+    by_operator = row.excluded not in {"", OUTSIDE, MISSED}
+    note = f"left out: {row.excluded}" if by_operator else row.excluded or ", ".join(row.flags)
     if columns.axis and row.step_axis is not None:
         axis = theme.join((f"  {theme.vector(row.step_axis, 2 if columns.axis == _WIDE_AXIS else 1)}", "quiet"))
         if not note or line.cell_len + axis.cell_len + 1 + cell_len(theme.words(note)) <= width:  # a note goes before

@@ -47,8 +47,7 @@ def notice_lines(state: TrialState, theme: Theme, width: int) -> Lines:
     Where there are many, each alarm has one line: none hides another.
     """
     wrapped = [_alarm_lines(alarm, theme, width) for alarm in state.alarms]
-    crowded = sum(map(len, wrapped)) > MAX_NOTICES
-    if crowded:
+    if sum(map(len, wrapped)) > MAX_NOTICES:
         wrapped = [_alarm_lines(alarm, theme, 500) for alarm in state.alarms]
     lines: Lines = [line for alarm in wrapped for line in alarm]
     if len(lines) > MAX_NOTICES:

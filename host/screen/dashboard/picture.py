@@ -27,17 +27,7 @@ MIN_PLOT, MAX_PLOT = 30, 72
 
 
 def picture(states: tuple[TrialState, ...], view: View, width: int, height: int) -> Lines:
-    """Draw a moment as exactly ``height`` lines of exactly ``width`` cells.
-
-    Parameters
-    ----------
-    states : tuple of TrialState
-        One per object, at least one.
-    view : View
-        Focus, prompt, theme.
-    width, height : int
-        Of the terminal.
-    """
+    """Draw a moment, of one object or several, as exactly ``height`` lines of exactly ``width`` cells."""
     theme = view.theme
     focus = min(view.focus, len(states) - 1)
     state = states[focus]

@@ -89,26 +89,16 @@ class Theme:
         return line
 
     def listed(self, parts: Sequence[Part], width: int | None = None, between: str = " · ") -> Text:
-        """Put texts in a row with a dot between them.
+        """Put texts in a row with a dot, or what is ``between``, between them; empty ones are left out.
 
-        Parameters
-        ----------
-        parts : sequence of Part
-            The most important first; empty ones are left out.
-        width : int, optional
-            Cells there are: parts that do not fit are left out, later ones that do are not. The first is always there.
-        between : str
-            What stands in place of the dot.
+        With a ``width`` in cells, parts that do not fit are left out, later ones that do are not: the most important
+        come first, and the first is always there.
         """
-        line, room = Text(no_wrap=True, end=""), width
+        line = Text(no_wrap=True, end="")
         for part in parts:
-            words, meaning = (part, "plain") if isinstance(part, str) else part
-            if not words:
-                continue
-            piece = self.join((between, "quiet")) if line else Text(end="")
-            piece.append(self.words(words), self.styles[meaning])
-            if room is not None and line and piece.cell_len > room:
-                continue
-            line.append_text(piece)
-            room = None if room is None else room - piece.cell_len
+            piece = self.join(part)
+            if line and piece:
+                piece = self.join((between, "quiet")).append_text(piece)
+            if not line or width is None or line.cell_len + piece.cell_len <= width:
+                line.append_text(piece)
         return line
