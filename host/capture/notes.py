@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shutil
 from collections.abc import Callable, Iterable
@@ -56,7 +57,6 @@ class Notes:
             self.warn(problem or "the recording is on disk again")
         if now_ns - self._measured_ns >= DISK_NS:
             self._measured_ns = now_ns
-            try:
+            self._free_bytes = None
+            with contextlib.suppress(OSError):
                 self._free_bytes = shutil.disk_usage(self._recording.path.parent).free
-            except OSError:
-                self._free_bytes = None

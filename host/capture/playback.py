@@ -56,7 +56,7 @@ def play(
     commands: Sequence[AnyChunk] = (),
     title: str = "rotdrift",
 ) -> TrialState | None:
-    """Feed a replay into a trial until its end; return its last state, None where it was ended early.
+    """Feed a replay into a new trial until its end; return its last state, None where ``stop`` ended it early.
 
     Nobody else waits for these chunks, so this thread reads them itself.
 
@@ -64,20 +64,14 @@ def play(
     ----------
     transport : Transport
         A replay; it does the pacing.
-    trial : Trial
-        New.
     screen : Screen
         Started; shows the recording's own time. Of its keys only those count that change no trial.
-    stop : threading.Event
-        Ends it early.
     speed : float
         As given to the replay: how much recorded time passes between two pictures.
     actions : sequence of OperatorAction
         What the operator did then; done again when its time comes.
     commands : sequence of AnyChunk
         What was sent then: with the answers they bound the offset of the clocks.
-    title : str
-        Of the screen.
     """
     desk, waiting = OperatorDesk(trial), deque(actions)
     snapshots, unsent, trips = Snapshots(trial, desk, title), deque(commands), RecordedRoundTrips()

@@ -71,18 +71,12 @@ def run_capture(
 
     Parameters
     ----------
-    link : str
-        URI.
     recording_path : Path
         Must not exist; the result goes beside it, with the ending ``.json``.
-    settings : CaptureSettings
-        When to end.
     screen : Screen
         Started and stopped here.
     stop : threading.Event
         Ends the capture in order.
-    options : ScoreOptions, optional
-        For the score at the end.
 
     Raises
     ------

@@ -95,7 +95,7 @@ def capture_several(
     stop: threading.Event,
     options: ScoreOptions | None = None,
 ) -> list[ObjectOutcome]:
-    """Capture several objects, with the same settings; one that fails leaves the others alone.
+    """Capture several objects with the same settings, and return how each went; one that fails leaves the others alone.
 
     Parameters
     ----------
@@ -103,19 +103,10 @@ def capture_several(
         URIs; nodes of one CAN bus are links with different ``?node=``.
     recordings : sequence of Path
         One for each.
-    settings : CaptureSettings
-        When to end.
     screen : Screen
         Started and stopped here.
     stop : threading.Event
         Ends them all.
-    options : ScoreOptions, optional
-        For the scores at the end.
-
-    Returns
-    -------
-    list of ObjectOutcome
-        In the order of the links.
     """
     settings = replace(settings, read_pause_s=PAUSE_S * (len(links) - 1))
     shared = _SharedScreen(screen, stop)

@@ -37,18 +37,8 @@ class Snapshots:
     ) -> TrialState:
         """Return the state at this moment; moments must come in order.
 
-        Parameters
-        ----------
-        now_ns : int
-            Monotonic time (of a replay: the recording's).
-        elapsed_s : float
-            Since the first sample.
-        link, recording : LinkView, RecordingView
-            As they are now.
-        warnings : tuple of str
-            What a person should know.
-        enough : bool
-            Whether there are as many cycles, or as narrow an interval, as asked for: the guide goes on then.
+        ``now_ns`` is monotonic (of a replay: the recording's), ``elapsed_s`` counts from the first sample. Once there
+        is ``enough`` (cycles, or as narrow an interval, as asked for), the guide goes on.
         """
         trial = self.trial
         state = TrialState(

@@ -37,7 +37,8 @@ class LiveScreen(Screen):
         self._fallback = fallback
         self._theme = theme
         self._bell = bell
-        self._process: subprocess.Popen[bytes] | None = None
+        self.process: subprocess.Popen[bytes] | None = None
+        """Draws; None before and after."""
         self._frames: FrameSender | None = None
         self._terminal: Terminal | None = None
         self._rescued = False
@@ -45,11 +46,6 @@ class LiveScreen(Screen):
         self._actions: deque[ScreenAction] = deque()
         self._closed = threading.Event()
         self._reported: list[str] = []
-
-    @property
-    def process_id(self) -> int | None:
-        """Number of the process that draws; None before and after."""
-        return None if self._process is None else self._process.pid
 
     def start(self) -> None:
         """Start the process that draws; the terminal is its own from here on."""
@@ -68,7 +64,7 @@ class LiveScreen(Screen):
         os.close(descriptor)
         assert process.stdin is not None
         assert process.stdout is not None
-        self._process = process
+        self.process = process
         self._frames = FrameSender(process.stdin, self._bell)
         threading.Thread(target=self._receive, args=(process.stdout,), name="rotdrift-keys", daemon=True).start()
 
@@ -97,12 +93,12 @@ class LiveScreen(Screen):
 
     def hold(self, timeout_s: float) -> bool:
         """Wait for a key, at most so long; True when one was pressed, or nobody can any more."""
-        process = self._process
+        process = self.process
         return self._closed.wait(timeout_s) or process is None or process.poll() is not None
 
     def stop(self) -> None:
         """Release the terminal, then print what was reported."""
-        process, self._process = self._process, None
+        process, self.process = self.process, None
         if process is not None and self._frames is not None:
             self._frames.stop()
             try:
@@ -129,7 +125,7 @@ class LiveScreen(Screen):
 
     def _failed(self) -> bool:
         """Return whether the screen process has ended by itself; then the terminal is restored, and lines go on."""
-        process = self._process
+        process = self.process
         if process is None or process.poll() is None:
             return False
         if self._rescue():

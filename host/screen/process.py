@@ -13,6 +13,7 @@ import signal
 import sys
 import threading
 import time
+from dataclasses import asdict
 from typing import Any, BinaryIO
 
 from host.screen.dashboard.picture import Theme, View, picture
@@ -166,8 +167,7 @@ def handle_signals(names: tuple[str, ...], handler: Any) -> dict[int, Any]:  # n
 
 def command_line(descriptor: int, theme: Theme) -> list[str]:
     """Return the command line of the process."""
-    settings = {"ascii_only": theme.ascii_only, "light": theme.light, "color": theme.color}
-    return [sys.executable, "-P", "-m", "host.screen.process", str(descriptor), json.dumps(settings)]
+    return [sys.executable, "-P", "-m", "host.screen.process", str(descriptor), json.dumps(asdict(theme))]
 
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@ Colour is never the only carrier of a meaning: what is doubtful or bad is also a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 from rich.style import Style
 from rich.text import Text
@@ -59,12 +60,11 @@ class Theme:
     light: bool = False
     color: str | None = "standard"
     """Colours of the terminal as rich names them: ``standard``, ``256``, ``truecolor``; None without any."""
-    styles: Mapping[str, Style] = field(init=False, repr=False, compare=False)
-    """Meaning -> rich style."""
 
-    def __post_init__(self) -> None:
-        names = _LIGHT if self.light else _DARK
-        object.__setattr__(self, "styles", {name: Style.parse(style) for name, style in names.items()})
+    @cached_property
+    def styles(self) -> Mapping[str, Style]:
+        """Meaning -> rich style."""
+        return {name: Style.parse(style) for name, style in (_LIGHT if self.light else _DARK).items()}
 
     def words(self, text: str) -> str:
         """Write a text in the characters the terminal has."""
