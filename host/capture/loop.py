@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from analysis.scoring.recorded_parts import LiveClock
 from host.capture.conversation import Conversation, Ending
@@ -48,9 +48,9 @@ class CaptureOutcome:
     """Records that did not get to the disk; they continue the recording."""
     elapsed_s: float
     """From the first sample to the last."""
-    clock: LiveClock | None = None
+    clock: LiveClock | None
     """The live estimate of the object's clock at the end; the result's own is made from the recording."""
-    last_state: TrialState = field(default_factory=TrialState)
+    last_state: TrialState
     """What the screen showed last."""
 
 
