@@ -43,7 +43,7 @@ class Guide:
     def update(self, state: TrialState, enough: bool) -> GuideView:
         """Go on with the next state, whose ``elapsed_s`` is the clock; return where the trial is.
 
-        ``enough`` says whether there are as many cycles, or as narrow an interval, as asked for.
+        ``enough``: there are as many cycles, or as narrow an interval, as asked for.
         """
         rested_s = self._rested_s(state)
         self._advance(rested_s, state, enough)

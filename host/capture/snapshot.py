@@ -82,7 +82,7 @@ def difference_sentence(live_deg: float | None, score: Result) -> str:
 
 
 def difference_line(live_deg: float | None, score: Result) -> str:
-    """Return the same as a line below the printed score, which has said already why there is none."""
+    """Return the same as a line below the printed score, which has the reason where there is none."""
     if score.theta_bar_deg is not None:
         return f"live       {difference_sentence(live_deg, score).removeprefix('live ')}\n"
     return "" if live_deg is None else f"live       {live_deg:.3f}°, which the result does not confirm\n"

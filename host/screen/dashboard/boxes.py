@@ -20,14 +20,16 @@ Lines = list[Text]
 
 def fitted(line: Text, width: int, theme: Theme) -> Text:
     """Return a line cut or padded to a width; what is cut ends in an ellipsis (ASCII: ``~``)."""
-    if line.cell_len == width:
+    missing = width - line.cell_len
+    if missing == 0:
         return line
     line = line.copy()
-    if theme.ascii_only and line.cell_len > width:
+    if missing < 0 and theme.ascii_only:
         line.truncate(max(0, width - 1), overflow="crop")
         line.append("~"[:width])
-    line.truncate(width, overflow="ellipsis", pad=True)
-    return line
+    elif missing < 0:
+        line.truncate(width, overflow="ellipsis")
+    return line.append(" " * (width - line.cell_len))
 
 
 def end_of(words: str, width: int, theme: Theme) -> str:

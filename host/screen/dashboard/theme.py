@@ -96,9 +96,9 @@ class Theme:
         """
         line = Text(no_wrap=True, end="")
         for part in parts:
-            piece = self.join(part)
-            if line and piece:
-                piece = self.join((between, "quiet")).append_text(piece)
+            if not (part if isinstance(part, str) else part[0]):
+                continue
+            piece = self.join((between, "quiet"), part) if line else self.join(part)
             if not line or width is None or line.cell_len + piece.cell_len <= width:
                 line.append_text(piece)
         return line
