@@ -47,7 +47,7 @@ class KeyReader:
         """Whether the terminal is lent back to its owner for a while."""
         self._splitter = KeySplitter()
         self._asked = ""  # the action that waits for what is being typed
-        self._cycle: int | None = None  # that it is about
+        self._cycle: int | None = None  # that it is about: the last on the screen when the key was pressed
 
     def press(self, text: str, states: tuple[TrialState, ...]) -> list[ScreenAction]:
         """Process what was typed since the last call, with these states on the screen; return what was asked for.
