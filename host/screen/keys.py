@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, replace
 
 from host.screen.dashboard.notices import EDITING
-from host.screen.dashboard.view import View
+from host.screen.dashboard.theme import View
 from host.text import plain
 from host.trial.state import TrialState
 

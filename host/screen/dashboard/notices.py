@@ -7,8 +7,7 @@ import textwrap
 from rich.text import Text
 
 from host.screen.dashboard.boxes import Lines, end_of, framed
-from host.screen.dashboard.theme import Theme
-from host.screen.dashboard.view import View
+from host.screen.dashboard.theme import Theme, View
 from host.trial.state import Alarm, TrialState
 
 KEYS = (

@@ -12,8 +12,7 @@ from host.screen.dashboard.drift_path import path_plot, sphere_plot
 from host.screen.dashboard.notices import bottom_line, guide_lines, help_lines, notice_lines
 from host.screen.dashboard.score_panel import score_panel
 from host.screen.dashboard.status_panel import status_panel
-from host.screen.dashboard.theme import Theme
-from host.screen.dashboard.view import View
+from host.screen.dashboard.theme import Theme, View
 from host.trial.state import TrialState
 
 __all__ = ["Theme", "View", "picture"]

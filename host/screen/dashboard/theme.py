@@ -1,4 +1,4 @@
-"""What the dashboard is drawn in: colours for dark and light terminals, characters for those that have only ASCII.
+"""How the dashboard is shown: colours for dark and light terminals, characters for those of only ASCII, what is open.
 
 Colour is never the only carrier of a meaning: what is doubtful or bad is also a word or a sign.
 """
@@ -102,3 +102,21 @@ class Theme:
             if not line or width is None or line.cell_len + piece.cell_len <= width:
                 line.append_text(piece)
         return line
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What a person at the terminal does with the picture: never part of the trial itself."""
+
+    theme: Theme = Theme()
+    focus: int = 0
+    """Which of several objects is shown whole."""
+    paused: bool = False
+    """The picture stands still; the capture goes on."""
+    help_open: bool = False
+    prompt: str = ""
+    """What is asked for while a person types; empty otherwise."""
+    typed: str = ""
+    """What was typed so far."""
+    message: str = ""
+    """Answer to the last key."""
