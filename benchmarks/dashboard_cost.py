@@ -91,7 +91,7 @@ def run_one(link: str, folder: Path, seconds: float) -> None:
     def every_second_stretch(state: Any, index: int = 0) -> None:
         now_ns = time.monotonic_ns()
         if not stretches or now_ns - stretches[-1]["from_ns"] >= STRETCH_NS:
-            moment = {"ns": now_ns, "cpu_s": time.process_time(), "screen_cpu_s": _cpu_s(screen.process_id)}
+            moment = {"ns": now_ns, "cpu_s": time.process_time(), "screen_cpu_s": _cpu_s(screen.process)}
             if stretches:
                 stretches[-1]["end"] = moment
             stretches.append({"from_ns": now_ns, "drawn": len(stretches) % 2 == 1, "begin": moment})
@@ -109,11 +109,11 @@ def run_one(link: str, folder: Path, seconds: float) -> None:
     (folder / "figures.json").write_text(json.dumps({"stretches": stretches[:-1], "endpoints": endpoints}))
 
 
-def _cpu_s(process_id: int | None) -> float:
+def _cpu_s(process: subprocess.Popen[bytes] | None) -> float:
     """CPU time of another process, s; NaN where the system does not tell."""
-    if process_id is None or not sys.platform.startswith("linux"):
+    if process is None or not sys.platform.startswith("linux"):
         return float("nan")
-    return time.clock_gettime((~process_id << 3) | 2)  # the kernel's number of that process's CPU clock
+    return time.clock_gettime((~process.pid << 3) | 2)  # the kernel's number of that process's CPU clock
 
 
 def watch(link: str, seconds: float, size: tuple[int, int]) -> dict[str, Any]:

@@ -46,29 +46,22 @@ class AlarmWatch:
     def __init__(self) -> None:
         self._up: dict[str, str] = {}
         self._until_s: dict[str, float] = {}
-        self._before: TrialState | None = None
+        self._before = TrialState()
         self._moved_s = 0.0  # since the last end point
         self._way_s = 0.0  # movement before the last end point, since the one before
         self._axis_since_s: float | None = None  # since when the axis alarm is due to change
         self._widest_deg = 0.0
-        self._segments = 1
         self._losses: deque[tuple[float, int, int]] = deque()  # (s, produced, missing) of the last seconds
 
     def update(self, state: TrialState) -> tuple[Alarm, ...]:
-        """Watch the next state; return the alarms that are up, the most urgent first.
-
-        Parameters
-        ----------
-        state : TrialState
-            ``elapsed_s`` is the clock.
-        """
-        now_s, before = state.elapsed_s, self._before or state
+        """Watch the next state, whose ``elapsed_s`` is the clock; return the alarms that are up, most urgent first."""
+        now_s, before = state.elapsed_s, self._before
         if state.score.n_endpoints < before.score.n_endpoints:  # end points were withdrawn: start again
             self._moved_s = self._way_s = self._widest_deg = 0.0
         for kind in [kind for kind, until_s in self._until_s.items() if now_s >= until_s]:
             del self._until_s[kind]
             self._up.pop(kind, None)
-        self._watch_link(state)
+        self._watch_link(state, before)
         self._watch_losses(state)
         self._watch_moments(state, before)
         self._watch_cycles(state, before)
@@ -90,19 +83,15 @@ class AlarmWatch:
         self._up[kind] = sentence
         self._until_s[kind] = now_s + HOLD_S
 
-    def _watch_link(self, state: TrialState) -> None:
+    def _watch_link(self, state: TrialState, before: TrialState) -> None:
         lost, silent_s = not state.link.connected, state.stream.silent_s
+        silent = silent_s > SILENT_RAISE_S
         parts = ["the link is lost"] if lost else []
-        if not lost or silent_s > SILENT_RAISE_S:
+        if silent or not lost:
             parts.append(f"nothing has come for {silent_s:.0f} s")
-        self._follow(
-            "link",
-            lost or silent_s > SILENT_RAISE_S,
-            not lost and silent_s < SILENT_CLEAR_S,
-            f"{', '.join(parts)}: check the object's battery and cable",
-        )
-        if state.stream.segments > self._segments:
-            self._segments = state.stream.segments
+        sentence = f"{', '.join(parts)}: check the object's battery and cable"
+        self._follow("link", lost or silent, not lost and silent_s < SILENT_CLEAR_S, sentence)
+        if state.stream.segments > max(1, before.stream.segments):
             why = state.stream.segment_reason or "the device clock jumped"
             self._hold("clock", state.elapsed_s, f"{why}; the host's clock places what follows")
 
@@ -111,14 +100,11 @@ class AlarmWatch:
         self._losses.append((now_s, losses.produced, losses.missing))
         while self._losses[0][0] < now_s - LOSS_WINDOW_S and len(self._losses) > 2:
             self._losses.popleft()
-        _, produced, missing = self._losses[0]
-        share = (losses.missing - missing) / max(1, losses.produced - produced)
-        self._follow(
-            "losses",
-            share > LOSS_RAISE and losses.missing - missing > 1,
-            share < LOSS_CLEAR,
-            f"{100 * share:.1f} % of the last samples are missing: check cable and distance",
-        )
+        _, produced_before, missing_before = self._losses[0]
+        missing = losses.missing - missing_before
+        share = missing / max(1, losses.produced - produced_before)
+        sentence = f"{100 * share:.1f} % of the last samples are missing: check cable and distance"
+        self._follow("losses", share > LOSS_RAISE and missing > 1, share < LOSS_CLEAR, sentence)
 
     def _watch_moments(self, state: TrialState, before: TrialState) -> None:
         now_s, rate, cycles = state.elapsed_s, state.motion.peak_rate_dps or 0.0, state.score.cycles
@@ -144,12 +130,8 @@ class AlarmWatch:
         # While no period is known, only the way to the first end point shows how slow the motion is.
         period_s = state.motion.period_s or self._way_s
         limit_s = max(NO_CYCLES_S, NO_CYCLES_PERIODS * period_s)
-        self._follow(
-            "no cycles",
-            self._moved_s > limit_s,
-            self._moved_s < limit_s,
-            f"{self._moved_s:.0f} s of movement without a cycle: is one rotation repeated?",
-        )
+        sentence = f"{self._moved_s:.0f} s of movement without a cycle: is one rotation repeated?"
+        self._follow("no cycles", self._moved_s > limit_s, self._moved_s < limit_s, sentence)
 
     def _watch_axis(self, state: TrialState) -> None:
         now_s = state.elapsed_s
@@ -159,12 +141,8 @@ class AlarmWatch:
         elif self._axis_since_s is None:
             self._axis_since_s = now_s
         lasted = self._axis_since_s is not None and now_s - self._axis_since_s >= AXIS_S
-        self._follow(
-            "axis",
-            ambiguous and lasted,
-            not ambiguous and lasted,
-            "it turns about no single axis: cycles may end at the wrong moment",
-        )
+        sentence = "it turns about no single axis: cycles may end at the wrong moment"
+        self._follow("axis", ambiguous and lasted, not ambiguous and lasted, sentence)
 
     def _watch_swing(self, state: TrialState) -> None:
         swing = state.motion.swing_deg
@@ -172,24 +150,16 @@ class AlarmWatch:
             return
         self._widest_deg = max(self._widest_deg, swing)
         share = swing / self._widest_deg if self._widest_deg else 1.0
-        self._follow(
-            "swing",
-            share < SWING_RAISE,
-            share > SWING_CLEAR,
-            f"down from {self._widest_deg:.0f}° to {swing:.0f}°: is it slipping out of the hand?",
-        )
+        sentence = f"down from {self._widest_deg:.0f}° to {swing:.0f}°: is it slipping out of the hand?"
+        self._follow("swing", share < SWING_RAISE, share > SWING_CLEAR, sentence)
 
     def _watch_floor(self, state: TrialState) -> None:
         theta, floor = state.score.theta_bar_deg, state.sensor.floor_deg
         if theta is None or floor is None or state.score.n_cycles < MIN_STEPS:
             self._up.pop("floor", None)
             return
-        self._follow(
-            "floor",
-            theta < floor,
-            theta > FLOOR_CLEAR * floor,
-            f"θ̄ is below the sensor's floor of {floor:.2g}°, no drift at all looks the same; more cycles help",
-        )
+        sentence = f"θ̄ is below the sensor's floor of {floor:.2g}°, no drift at all looks the same; more cycles help"
+        self._follow("floor", theta < floor, theta > FLOOR_CLEAR * floor, sentence)
 
 
 def _usual(rows: tuple[CycleRow, ...]) -> tuple[float, float]:

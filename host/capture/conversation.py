@@ -18,20 +18,9 @@ Ending = tuple[str, HostError | None]
 
 
 class Conversation:
-    """Reads a link, answers the object, and knows when it was last heard and whether both still go on.
+    """Answers the object, and knows when it was last heard and whether object and link still go on.
 
-    Parameters
-    ----------
-    transport : Transport
-        Open; closed by the reading thread.
-    recording : RecordingWriter
-        Gets everything that is sent.
-    trial : Trial
-        Gets the answers to TIME_REQUEST.
-    settings : CaptureSettings
-        How to talk, and how long to wait.
-    now_ns : callable
-        Monotonic clock, the one that stamps chunks.
+    A recording has nobody to talk with, so there is no session; and its time is of another day, perhaps.
     """
 
     def __init__(
@@ -47,33 +36,28 @@ class Conversation:
         self._trial = trial
         self._now_ns = now_ns
         self._silence_limit_s = settings.silence_limit_s
-        live = transport.is_live
-        self._reader = ReaderThread(transport, pause_s=settings.read_pause_s if live else 0.0)
-        self._session = Session(settings.session, transport.name, now_ns(), transport.encode_command) if live else None
-        if self._session is not None:
+        self._session: Session | None = None
+        if transport.is_live:
+            self._session = Session(settings.session, transport.name, now_ns(), transport.encode_command)
             trial.assembler.on_segment.append(self._session.new_segment)
-        self.n_chunks = 0
-        """Chunks received."""
+        self.reader = ReaderThread(transport, pause_s=settings.read_pause_s if transport.is_live else 0.0)
+        """Reads the link, and closes it."""
         self.chunk_ns = now_ns()
         """When the last chunk was received, or the capture started."""
+        self.sample_ns = self.chunk_ns
+        """The same of the last sample."""
         self._first_sample_ns: int | None = None
-        self._sample_ns = self.chunk_ns
         self._quiet_since_ns = self.chunk_ns  # the last sample, or the link's opening after it
 
     @property
     def time_ns(self) -> int:
-        """The time now; a recording that is captured again has its own, of another day perhaps."""
+        """The time now; of a recording that is captured again, its own."""
         return self.chunk_ns if self._session is None else self._now_ns()
-
-    @property
-    def error(self) -> HostError | None:
-        """Why the link ended; None while it goes on and after an orderly end."""
-        return self._reader.error
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a person should know of object and link, a sentence each."""
-        return (*(() if self._session is None else self._session.warnings), *self._transport.problems)
+        return (*(self._session.warnings if self._session else ()), *self._transport.problems, *self._trial.problems)
 
     @property
     def view(self) -> LinkView:
@@ -81,43 +65,25 @@ class Conversation:
         session = self._session
         return LinkView(
             name=self._transport.name,
-            connected=not self._reader.ended and self._connected,
+            connected=not self.reader.ended and self._transport.connected,
             one_way=session is not None and session.one_way,
             expected_rate_hz=None if session is None else session.expected_rate_hz,
-            overflow_chunks=self._reader.overflow_chunks,
+            overflow_chunks=self.reader.overflow_chunks,
         )
 
-    def lasted_ns(self, until_ns: int | None = None) -> int | None:
-        """Return the time from the first sample, to the last one by default; None before it."""
-        until_ns = self._sample_ns if until_ns is None else until_ns
-        return None if self._first_sample_ns is None else until_ns - self._first_sample_ns
+    def elapsed_s(self, until_ns: int) -> float:
+        """Return the time since the first sample, s; 0 before it."""
+        return 0.0 if self._first_sample_ns is None else (until_ns - self._first_sample_ns) / 1e9
 
-    def start(self) -> None:
-        """Start to read."""
-        self._reader.start()
-
-    def receive(self, timeout_s: float) -> list[AnyChunk]:
-        """Return what was read since the last call; wait for it at most ``timeout_s``."""
-        return self._reader.take(timeout_s)
-
-    def hear(self, chunk: AnyChunk) -> float | None:
-        """Note that a chunk was received.
-
-        Where it marks that the link was lost and is open again, ask again who is there, and return for how long nothing
-        came, s; None elsewhere.
-        """
-        before_ns, self.chunk_ns = self.chunk_ns, chunk.host_time_ns
-        self.n_chunks += 1
-        if chunk.data:
-            return None
-        self._quiet_since_ns = chunk.host_time_ns
-        if self._session is not None:
-            self._session.reopened(chunk.host_time_ns)
-        return (chunk.host_time_ns - before_ns) / 1e9
-
-    def process(self, chunk: AnyChunk, update: TrialUpdate) -> None:
-        """Process what the trial found in a chunk."""
+    def process(self, chunk: AnyChunk) -> TrialUpdate:
+        """Have the trial decode a chunk, answer the object, and return what the trial found."""
         at_ns, session, trial = chunk.host_time_ns, self._session, self._trial
+        self.chunk_ns = at_ns
+        if not chunk.data:  # the link is open again, and who is there now is to be asked before what comes is judged
+            self._quiet_since_ns = at_ns
+            if session is not None:
+                session.reopened(at_ns)
+        update = trial.feed(chunk)
         if session is not None:
             session.feed(update.items, len(chunk.data), at_ns)
             trial.feed_round_trips(session.take_round_trips())
@@ -127,13 +93,14 @@ class Conversation:
                 remedy = "leave one object on the line; on CAN, give each a node id of its own"
                 session.error = session.error or WrongObjectError(problem, remedy)
         if update.sampled:
-            self._sample_ns = self._quiet_since_ns = at_ns
+            self.sample_ns = self._quiet_since_ns = at_ns
             self._first_sample_ns = at_ns if self._first_sample_ns is None else self._first_sample_ns
+        return update
 
     def send_due(self) -> None:
         """Send what is due; nobody hears it while the link is away."""
         session = self._session
-        if session is None or not self._connected:
+        if session is None or not self._transport.connected:
             return
         for data in session.due(self._now_ns()):
             try:
@@ -148,14 +115,20 @@ class Conversation:
         if self._session is not None:
             self._session.mark(number)
 
-    def ending(self) -> Ending | None:
+    def stopped(self) -> bool:
+        """Ask the object to stop; return whether it has, or cannot be heard any more. Called until then."""
+        if self._session is None:
+            return True
+        self._session.stop()
+        return self._session.phase is Phase.STOPPED or self.reader.ended or not self._transport.connected
+
+    def broken(self) -> Ending | None:
         """Return why link or object cannot go on; None while they do."""
-        error = self._reader.error
-        if self._reader.ended:
-            return "the recording is over" if error is None else "the link was lost", error
-        error = None if self._session is None else self._session.error
-        if error is None:
+        if self.reader.ended:
+            return "the recording is over" if self.reader.error is None else "the link was lost", self.reader.error
+        if self._session is None or self._session.error is None:
             return None
+        error = self._session.error
         if self._first_sample_ns is None:
             return "the object cannot be captured", error
         return "another object answers" if isinstance(error, WrongObjectError) else "the link was lost", error
@@ -165,7 +138,7 @@ class Conversation:
 
         A recording ends by itself, whatever pauses it has; a link that is away has its own limit.
         """
-        may_be_silent = self._session is None or not self._connected
+        may_be_silent = self._session is None or not self._transport.connected
         if may_be_silent or self._now_ns() - self._quiet_since_ns < self._silence_limit_s * 1e9:
             return None
         before = "what came before is recorded" if self._first_sample_ns is not None else "nothing came at all"
@@ -173,24 +146,3 @@ class Conversation:
             f"the object has sent no samples for {self._silence_limit_s:.0f} s",
             f"check its battery and cable; {before}",
         )
-
-    def say_goodbye(self) -> None:
-        """Ask the object to stop."""
-        if self._session is not None:
-            self._session.stop()
-
-    @property
-    def is_over(self) -> bool:
-        """Whether the object has stopped, or cannot be heard any more."""
-        stopped = self._session is None or self._session.phase is Phase.STOPPED
-        return stopped or self._reader.ended or not self._connected
-
-    def close(self) -> list[AnyChunk]:
-        """Close the link; return what was still to be received."""
-        self._reader.stop()
-        return self._reader.take(0)
-
-    @property
-    def _connected(self) -> bool:
-        """Whether the link is there; one that cannot be lost and come back always is."""
-        return bool(getattr(self._transport, "connected", True))

@@ -23,16 +23,10 @@ class GuideSettings:
 
 
 class Guide:
-    """Leads through a trial.
+    """Leads through a trial."""
 
-    Parameters
-    ----------
-    settings : GuideSettings
-        How long.
-    """
-
-    def __init__(self, settings: GuideSettings | None = None) -> None:
-        self.settings = settings or GuideSettings()
+    def __init__(self, settings: GuideSettings) -> None:
+        self._settings = settings
         self._step = 0
         self._still_since_s: float | None = None
 
@@ -47,14 +41,9 @@ class Guide:
         return TITLES[self._step]
 
     def update(self, state: TrialState, enough: bool) -> GuideView:
-        """Go on with the next state; return where the trial is.
+        """Go on with the next state, whose ``elapsed_s`` is the clock; return where the trial is.
 
-        Parameters
-        ----------
-        state : TrialState
-            ``elapsed_s`` is the clock.
-        enough : bool
-            Whether there are as many cycles, or as narrow an interval, as asked for.
+        ``enough``: there are as many cycles, or as narrow an interval, as asked for.
         """
         rested_s = self._rested_s(state)
         self._advance(rested_s, state, enough)
@@ -66,7 +55,7 @@ class Guide:
         if self.title == "start the hand":
             return "begin the rotation", 0.0
         if self.title == "let it turn":
-            n, wanted = state.score.n_cycles, state.target.cycles or self.settings.cycles
+            n, wanted = state.score.n_cycles, state.target.cycles or self._settings.cycles
             if state.target.half_width_deg is None:
                 return f"{n} of {wanted} cycles", n / wanted
             more = wanted if state.score.more_cycles is None else state.score.more_cycles
@@ -77,8 +66,8 @@ class Guide:
             return "waiting for the object", 0.0
         if self._still_since_s is None:
             return "it still moves", 0.0
-        left_s = math.ceil(self.settings.rest_s - rested_s)
-        return f"{left_s} s more at rest", rested_s / self.settings.rest_s
+        left_s = math.ceil(self._settings.rest_s - rested_s)
+        return f"{left_s} s more at rest", rested_s / self._settings.rest_s
 
     def _rested_s(self, state: TrialState) -> float:
         """Return how long the object has been at rest; once it is, it may turn a little faster before it moves."""
@@ -93,7 +82,7 @@ class Guide:
 
     def _advance(self, rested_s: float, state: TrialState, enough: bool) -> None:
         n_cycles = state.score.n_cycles
-        rested = rested_s >= self.settings.rest_s
+        rested = rested_s >= self._settings.rest_s
         turns = (state.motion.turn_rate_dps or 0.0) > MOVING_DPS
         stopped = n_cycles > 0 and rested_s > REST_PERIODS * (state.motion.period_s or 10.0)
         if self._step == 0 and n_cycles > 0 and turns:  # a hand that did not wait: a trial without a rest before

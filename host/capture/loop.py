@@ -9,11 +9,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from analysis.scoring.recorded_parts import LiveClock
 from host.capture.conversation import Conversation, Ending
 from host.capture.goal import Goal
+from host.capture.guide import Guide
 from host.capture.notes import Notes
 from host.capture.operator_desk import OperatorDesk
 from host.capture.settings import CaptureSettings
@@ -26,7 +27,7 @@ from host.recording.writer import RecordingWriter
 from host.screen.screens import Screen
 from host.trial.live import Trial, TrialUpdate
 from host.trial.operator import GUIDE, OperatorAction
-from host.trial.state import TrialState
+from host.trial.state import TargetView, TrialState
 
 LOOP_S = 0.02
 """Longest wait for a chunk: how late a timeout or a flush may be."""
@@ -43,37 +44,21 @@ class CaptureOutcome:
     error: HostError | None
     """What went wrong; None when it ended as asked."""
     warnings: tuple[str, ...]
-    n_chunks: int
-    """Chunks received; 0 means that there is nothing to score."""
     unwritten: bytes
     """Records that did not get to the disk; they continue the recording."""
     elapsed_s: float
-    """From the first sample to the end."""
-    clock: LiveClock | None = None
+    """From the first sample to the last."""
+    clock: LiveClock | None
     """The live estimate of the object's clock at the end; the result's own is made from the recording."""
-    last_state: TrialState = field(default_factory=TrialState)
+    last_state: TrialState
     """What the screen showed last."""
 
 
 class Capture:
-    """Captures one object.
+    """Captures one object, until the settings, an error or ``stop`` end it.
 
-    Parameters
-    ----------
-    transport : Transport
-        Open; closed by the reading thread.
-    recording : RecordingWriter
-        New; closed at the end.
-    trial : Trial
-        Finds cycles.
-    screen : Screen
-        Who watches.
-    settings : CaptureSettings
-        When to end.
-    stop : threading.Event
-        Set by whoever wants it to end.
-    now_ns : callable
-        Monotonic clock, the one that stamps chunks.
+    The open transport is the capture's: its reading thread closes it; the new recording is closed at the end as well.
+    ``now_ns`` is the monotonic clock that stamps chunks.
     """
 
     def __init__(
@@ -91,34 +76,36 @@ class Capture:
         self._screen = screen
         self._stop = stop
         self._now_ns = now_ns
+        self._guide = None if settings.guide is None else Guide(settings.guide)
+        self._goal = Goal(settings, trial, self._guide)
         self._link = Conversation(transport, recording, trial, settings, now_ns)
         self._notes = Notes(recording, screen, now_ns)
-        self._goal = Goal(settings, trial)
         self._desk = OperatorDesk(trial, self._add_action, self._link.mark)
-        self._snapshots = Snapshots(trial, self._desk, "rotdrift capture", settings.target, self._goal.guide)
+        target = TargetView(settings.cycles, settings.duration_s, settings.until_half_width_deg)
+        self._snapshots = Snapshots(trial, self._desk, "rotdrift capture", target, self._guide)
         self._state = TrialState()
         self._published_ns = 0
 
     def run(self) -> CaptureOutcome:
         """Capture until the end; closes link and recording whatever happens."""
-        self._link.start()
+        link = self._link
+        link.reader.start()
         try:
             reason, error = self._until_end()
-            self._link.say_goodbye()
-            while not self._link.is_over:  # the object may still have something to send
+            while not link.stopped():  # the object may still have something to send
                 self._turn()
         finally:
-            for chunk in self._link.close():
+            link.reader.stop()
+            for chunk in link.reader.take(0):
                 self._process(chunk)
-            self._record(self._trial.finish(), self._link.chunk_ns)
+            self._record(self._trial.finish(), link.chunk_ns)
             self._recording.close(self._notes.warn)
         return CaptureOutcome(
             reason=reason,
-            error=error or self._link.error,
-            warnings=self._notes.warnings,
-            n_chunks=self._link.n_chunks,
+            error=error or link.reader.error,
+            warnings=tuple(self._notes.warnings),
             unwritten=self._recording.unwritten,
-            elapsed_s=(self._link.lasted_ns() or 0) / 1e9,
+            elapsed_s=link.elapsed_s(link.sample_ns),
             last_state=self._state,
             clock=self._trial.clock_values(),
         )
@@ -129,22 +116,18 @@ class Capture:
             now_ns = self._link.time_ns
             if now_ns - self._published_ns >= STATE_NS:
                 self._publish(now_ns)
-            ending = self._ending(now_ns)
+            if self._stop.is_set() or self._desk.finished:
+                return "stopped by the operator", None
+            ending = self._link.broken()
+            if ending is None and (reached := self._goal.reached(now_ns, self._link.elapsed_s(now_ns))):
+                ending = reached, None
+            ending = ending or self._link.silence()
             if ending is not None:
                 return ending
 
-    def _ending(self, now_ns: int) -> Ending | None:
-        if self._stop.is_set() or self._desk.finished:
-            return "stopped by the operator", None
-        ending = self._link.ending()
-        if ending is None:
-            reached = self._goal.reached(now_ns, self._link.lasted_ns(now_ns))
-            ending = self._link.silence() if reached is None else (reached, None)
-        return ending
-
     def _turn(self) -> None:
         """Process what came, send what is due, flush."""
-        for chunk in self._link.receive(LOOP_S):
+        for chunk in self._link.reader.take(LOOP_S):
             self._process(chunk)
         for action in self._screen.actions():
             self._desk.process(action)
@@ -153,16 +136,14 @@ class Capture:
         now_ns = self._now_ns()
         self._recording.flush_if_due(now_ns)
         self._notes.watch_disk(now_ns)
-        self._notes.warn_once((*self._link.warnings, *self._trial.problems))
+        self._notes.warn_once(self._link.warnings)
 
     def _process(self, chunk: AnyChunk) -> None:
         self._recording.add_received(chunk)  # first of all: what follows may fail, and it is not lost
-        away_s = self._link.hear(chunk)
-        if away_s is not None:
+        if not chunk.data:
+            away_s = (chunk.host_time_ns - self._link.chunk_ns) / 1e9
             self._notes.warn(f"the link was lost and is open again; nothing came for {away_s:.1f} s")
-        update = self._trial.feed(chunk)
-        self._link.process(chunk, update)
-        self._record(update, chunk.host_time_ns)
+        self._record(self._link.process(chunk), chunk.host_time_ns)
 
     def _record(self, update: TrialUpdate, host_time_ns: int) -> None:
         add_views(self._recording, update, host_time_ns)
@@ -176,11 +157,11 @@ class Capture:
     def _publish(self, now_ns: int) -> None:
         """Put the state together and show it; record a new step of the guide."""
         self._published_ns = now_ns
-        guide = self._goal.guide
+        link, notes, guide = self._link, self._notes, self._guide
         step = None if guide is None else guide.title
-        elapsed_s = (self._link.lasted_ns(now_ns) or 0) / 1e9
+        warnings = tuple(notes.warnings[-3:])
         self._state = self._snapshots.at(
-            now_ns, elapsed_s, self._link.view, self._notes.recording, self._notes.warnings[-3:], self._goal.enough
+            now_ns, link.elapsed_s(now_ns), link.view, notes.recording, warnings, self._goal.enough
         )
         if guide is not None and guide.title != step:
             self._add_action(OperatorAction(GUIDE, self._trial.newest_s, guide.title))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shutil
 from collections.abc import Callable, Iterable
@@ -15,32 +16,18 @@ DISK_NS = 2_000_000_000
 
 
 class Notes:
-    """Puts warnings on the screen and into the recording, and keeps them for the result.
-
-    Parameters
-    ----------
-    recording : RecordingWriter
-        Being written; its disk is watched.
-    screen : Screen
-        Shows them.
-    now_ns : callable
-        Monotonic clock.
-    """
+    """Puts warnings on the screen and into the recording, keeps them for the result, and watches the disk."""
 
     def __init__(self, recording: RecordingWriter, screen: Screen, now_ns: Callable[[], int]) -> None:
+        self.warnings: list[str] = []
+        """All of them, the newest last."""
         self._recording = recording
         self._screen = screen
         self._now_ns = now_ns
-        self._warnings: list[str] = []
         self._known: set[str] = set()
         self._on_disk = True
-        self._looked_ns = 0
+        self._measured_ns = 0
         self._free_bytes: int | None = None
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """All of them, the newest last."""
-        return tuple(self._warnings)
 
     @property
     def recording(self) -> RecordingView:
@@ -50,7 +37,7 @@ class Notes:
 
     def warn(self, sentence: str) -> None:
         """Report a sentence."""
-        self._warnings.append(sentence)
+        self.warnings.append(sentence)
         self._recording.add_note("warning", sentence, self._now_ns())
         self._screen.report(f"note: {sentence}")
 
@@ -68,9 +55,8 @@ class Notes:
         if (problem is None) != self._on_disk:
             self._on_disk = problem is None
             self.warn(problem or "the recording is on disk again")
-        if now_ns - self._looked_ns >= DISK_NS:
-            self._looked_ns = now_ns
-            try:
+        if now_ns - self._measured_ns >= DISK_NS:
+            self._measured_ns = now_ns
+            self._free_bytes = None
+            with contextlib.suppress(OSError):
                 self._free_bytes = shutil.disk_usage(self._recording.path.parent).free
-            except OSError:
-                self._free_bytes = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 
 from host.screen.keys import ScreenAction
@@ -16,51 +15,35 @@ MAX_MARKS = 20
 
 
 class OperatorDesk:
-    """Carries out the operator's actions in one capture.
-
-    Parameters
-    ----------
-    trial : Trial
-        Whose running score is edited.
-    record : callable
-        Called with every action, to write it to the recording.
-    mark : callable
-        Called with the number of a marker, to send it to the object.
-    """
+    """Carries out the operator's actions in one capture: edits its running score, records them, has markers sent."""
 
     def __init__(
         self,
         trial: Trial,
         record: Callable[[OperatorAction], None] = lambda _: None,
-        mark: Callable[[int], None] = lambda _: None,
+        send_marker: Callable[[int], None] = lambda _: None,
     ) -> None:
         self._trial = trial
         self._record = record
-        self._mark = mark
-        self._marks: deque[OperatorMark] = deque(maxlen=MAX_MARKS)
+        self._send_marker = send_marker
         self._n_markers = 0
+        self.marks: tuple[OperatorMark, ...] = ()
+        """The last markers and notes."""
         self.finished = False
         """Whether the operator asked for the end."""
-
-    @property
-    def marks(self) -> tuple[OperatorMark, ...]:
-        """The last markers and notes."""
-        return tuple(self._marks)
 
     def process(self, action: ScreenAction) -> None:
         """Do what was asked for; an action that makes no sense now does nothing."""
         score, now_s = self._trial.score, self._trial.newest_s
         if action.kind == "marker":
             self._n_markers += 1
-            self._add_mark(did.MARKER, f"marker {self._n_markers}")
-            self._mark(self._n_markers)
+            self._do(OperatorAction(did.MARKER, now_s, f"marker {self._n_markers}"))
+            self._send_marker(self._n_markers)
         elif action.kind == "note":
-            self._add_mark(did.NOTE, action.text)
+            self._do(OperatorAction(did.NOTE, now_s, action.text))
         elif action.kind == "window":
             is_open = score.window is not None and score.window.to_s is None
-            kind = did.WINDOW_STOP if is_open else did.WINDOW_START
-            self._set_window(kind, now_s)
-            self._record(OperatorAction(kind, now_s))
+            self._do(OperatorAction(did.WINDOW_STOP if is_open else did.WINDOW_START, now_s))
         elif action.kind == "exclude" and action.cycle is not None:
             self._record_cycle(did.EXCLUDE, score.leave_out(action.cycle, action.text), action.text)
         elif action.kind == "include" and action.cycle is not None:
@@ -72,8 +55,10 @@ class OperatorDesk:
     def repeat(self, action: OperatorAction) -> None:
         """Do again what a recorded capture's operator did: for the replay."""
         score = self._trial.score
-        if action.kind in {did.WINDOW_START, did.WINDOW_STOP}:
-            self._set_window(action.kind, action.time_s)
+        if action.kind == did.WINDOW_START:
+            score.set_window(WindowView(action.time_s, None))
+        elif action.kind == did.WINDOW_STOP:
+            score.set_window(WindowView(None if score.window is None else score.window.from_s, action.time_s))
         elif action.kind in {did.EXCLUDE, did.INCLUDE}:
             number = score.number_at(action.from_s, action.to_s)
             if number is not None and action.kind == did.EXCLUDE:
@@ -81,19 +66,11 @@ class OperatorDesk:
             elif number is not None:
                 score.take_back(number)
         elif action.kind in {did.MARKER, did.NOTE}:
-            self._marks.append(OperatorMark(action.time_s, action.text))
+            self.marks = (*self.marks, OperatorMark(action.time_s, action.text))[-MAX_MARKS:]
 
-    def _set_window(self, kind: str, time_s: float) -> None:
-        score = self._trial.score
-        if kind == did.WINDOW_START:
-            score.set_window(WindowView(time_s, None))
-        else:
-            score.set_window(WindowView(None if score.window is None else score.window.from_s, time_s))
-
-    def _add_mark(self, kind: str, text: str) -> None:
-        now_s = self._trial.newest_s
-        self._marks.append(OperatorMark(now_s, text))
-        self._record(OperatorAction(kind, now_s, text))
+    def _do(self, action: OperatorAction) -> None:
+        self.repeat(action)
+        self._record(action)
 
     def _record_cycle(self, kind: str, times_s: tuple[float, float] | None, text: str = "") -> None:
         if times_s is not None:

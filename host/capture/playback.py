@@ -5,9 +5,8 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import TimeReply
@@ -17,7 +16,7 @@ from host.capture.snapshot import Snapshots
 from host.links.transport import AnyChunk, LinkEnd, Transport
 from host.recording import format as fmt
 from host.recording.arrivals import RecordedRoundTrips
-from host.recording.reader import RecordedMessage, RecordingReader
+from host.recording.reader import RecordingReader
 from host.screen.screens import Screen
 from host.stream.round_trips import RoundTrip
 from host.trial.live import Trial
@@ -25,7 +24,6 @@ from host.trial.operator import OperatorAction, action_of
 from host.trial.state import LinkView, RecordingView, TrialState
 
 READ_S = 0.05
-T = TypeVar("T")
 
 
 def recorded_actions(path: Path) -> list[OperatorAction]:
@@ -36,26 +34,16 @@ def recorded_actions(path: Path) -> list[OperatorAction]:
     FileError
         Not a recording.
     """
-    return _read(path, fmt.ACTION, lambda message: action_of(message.values()))
+    actions = []
+    for message in RecordingReader(path).messages({fmt.ACTION}):
+        with contextlib.suppress(ValueError, KeyError):  # damage is reported when the recording is scored
+            actions.append(action_of(message.values()))
+    return actions
 
 
 def recorded_commands(path: Path) -> list[AnyChunk]:
-    """Return what the host sent during a capture, in order.
-
-    Raises
-    ------
-    FileError
-        Not a recording.
-    """
-    return _read(path, fmt.SENT, lambda message: fmt.decode_raw(message.data, fmt.SENT))
-
-
-def _read(path: Path, topic: str, parse: Callable[[RecordedMessage], T]) -> list[T]:
-    parsed = []
-    for message in RecordingReader(path).messages({topic}):
-        with contextlib.suppress(ValueError, KeyError):  # damage is reported when the recording is scored
-            parsed.append(parse(message))
-    return parsed
+    """Return what the host sent during a capture, in order; raises as :func:`recorded_actions`."""
+    return list(RecordingReader(path).chunks(fmt.SENT))
 
 
 def play(
@@ -68,7 +56,7 @@ def play(
     commands: Sequence[AnyChunk] = (),
     title: str = "rotdrift",
 ) -> TrialState | None:
-    """Feed a replay into a trial until its end; return its last state, None where it was ended early.
+    """Feed a replay into a new trial until its end; return its last state, None where ``stop`` ended it early.
 
     Nobody else waits for these chunks, so this thread reads them itself.
 
@@ -76,23 +64,17 @@ def play(
     ----------
     transport : Transport
         A replay; it does the pacing.
-    trial : Trial
-        Fresh.
     screen : Screen
         Started; shows the recording's own time. Of its keys only those count that change no trial.
-    stop : threading.Event
-        Ends it early.
     speed : float
         As given to the replay: how much recorded time passes between two pictures.
     actions : sequence of OperatorAction
         What the operator did then; done again when its time comes.
     commands : sequence of AnyChunk
         What was sent then: with the answers they bound the offset of the clocks.
-    title : str
-        Of the screen.
     """
     desk, waiting = OperatorDesk(trial), deque(actions)
-    snapshots, past = Snapshots(trial, desk, title), _PastCommands(commands)
+    snapshots, unsent, trips = Snapshots(trial, desk, title), deque(commands), RecordedRoundTrips()
     first_ns: int | None = None
     published_ns = now_ns = 0
 
@@ -104,7 +86,7 @@ def play(
 
     while not stop.is_set():
         if any(action.kind == "finish" for action in screen.actions()):
-            break
+            return None
         try:
             chunk = transport.read(READ_S)
         except LinkEnd:
@@ -118,7 +100,10 @@ def play(
         now_ns = chunk.host_time_ns
         first_ns = now_ns if first_ns is None else first_ns
         update = trial.feed(chunk)
-        trial.feed_round_trips(past.round_trips(update.items, now_ns))
+        while unsent and unsent[0].host_time_ns <= now_ns:
+            command = unsent.popleft()
+            trips.feed_sent(command.data, command.host_time_ns)
+        trial.feed_round_trips(_round_trips(trips, update.items, now_ns))
         for row in update.cycles:
             screen.cycle(row)
         while waiting and not waiting[0].time_s > trial.newest_s:  # one before the first sample has NaN for a time
@@ -129,25 +114,8 @@ def play(
     return None
 
 
-class _PastCommands:
-    """Commands of a recorded capture, matched with their answers as these come by.
-
-    Parameters
-    ----------
-    commands : sequence of AnyChunk
-        In order.
-    """
-
-    def __init__(self, commands: Sequence[AnyChunk]) -> None:
-        self._unsent = deque(commands)
-        self._trips = RecordedRoundTrips()
-
-    def round_trips(self, items: list[StreamItem], now_ns: int) -> Iterator[RoundTrip]:
-        """Yield the round trips that end among the packets received at ``now_ns``."""
-        while self._unsent and self._unsent[0].host_time_ns <= now_ns:
-            command = self._unsent.popleft()
-            self._trips.feed_sent(command.data, command.host_time_ns)
-        for item in items:
-            sent_ns = self._trips.sent_ns(item, now_ns) if isinstance(item, TimeReply) else None
-            if isinstance(item, TimeReply) and sent_ns is not None:
-                yield RoundTrip(sent_ns, item.receive_uptime_us, item.transmit_uptime_us, now_ns)
+def _round_trips(trips: RecordedRoundTrips, items: list[StreamItem], now_ns: int) -> Iterator[RoundTrip]:
+    """Yield the round trips that end among the packets received at ``now_ns``."""
+    for item in items:
+        if isinstance(item, TimeReply) and (sent_ns := trips.sent_ns(item, now_ns)) is not None:
+            yield RoundTrip(sent_ns, item.receive_uptime_us, item.transmit_uptime_us, now_ns)

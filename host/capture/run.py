@@ -18,10 +18,10 @@ from analysis.series import AnalysisError
 from host.capture.loop import Capture, CaptureOutcome
 from host.capture.settings import CaptureSettings
 from host.capture.snapshot import finished_state
-from host.errors import FileError, LinkError
+from host.errors import FileError, LinkError, already_there, unreadable
 from host.links import open_lasting
 from host.links.link_log import LinkLog
-from host.recording.load import RecordedTrial, load_trial
+from host.recording.load import load_trial
 from host.recording.writer import RecordingWriter
 from host.results.result import ScoreOptions, score_trial, write_result
 from host.screen.screens import Screen
@@ -38,7 +38,6 @@ class FinishedCapture:
 
     outcome: CaptureOutcome
     score: Result
-    trial: RecordedTrial
     recording: Path
     result: Path
     """Where the result was to be written; the disk may be full."""
@@ -72,18 +71,12 @@ def run_capture(
 
     Parameters
     ----------
-    link : str
-        URI.
     recording_path : Path
         Must not exist; the result goes beside it, with the ending ``.json``.
-    settings : CaptureSettings
-        When to end.
     screen : Screen
-        Who watches.
+        Started and stopped here.
     stop : threading.Event
         Ends the capture in order.
-    options : ScoreOptions, optional
-        For the score at the end.
 
     Raises
     ------
@@ -96,8 +89,9 @@ def run_capture(
     result_path = recording_path.with_suffix(".json")
     for path in (recording_path, result_path):  # before an object is started for it
         if path.exists():
-            raise FileError(f"{path} exists already", "give another name with --out, or move it away")
-    baseline = None if options is None or options.baseline is None else _baseline(options.baseline)
+            raise already_there(path)
+    options = options or ScoreOptions()
+    baseline = None if options.baseline is None else _baseline(options.baseline)
     try:
         outcome = record(link, recording_path, settings, screen, stop, baseline)
         finished = _finish(outcome, recording_path, result_path, options)
@@ -118,7 +112,7 @@ def _baseline(path: Path) -> StaticBaseline:
     try:
         return load_baseline(path)
     except FileNotFoundError as error:
-        raise FileError(f"there is no file {path}", "check the path") from error
+        raise unreadable(path, error) from error
     except (AnalysisError, OSError) as error:
         raise FileError(f"the baseline {path} cannot be used ({error})", "measure one: `rotdrift baseline`") from error
 
@@ -144,7 +138,6 @@ def record(
         The recording exists already or cannot be written.
     """
     transport = open_lasting(link, settings.reconnect_s)
-    interface = getattr(transport, "interface_name", "")
     if settings.debug_link is not None:
         transport = LinkLog(transport, settings.debug_link)
     try:
@@ -155,8 +148,8 @@ def record(
             "rate_hz": settings.session.rate_hz,
             "until_half_width_deg": settings.until_half_width_deg,
         }
-        if interface:
-            described["interface"] = interface
+        if transport.interface_name:
+            described["interface"] = transport.interface_name
         writer = RecordingWriter(recording_path, transport.name, wall_ns, monotonic_ns, described)
     except BaseException:
         transport.close()
@@ -168,35 +161,33 @@ def record(
     outcome = Capture(transport, writer, trial, screen, settings, stop).run()
     imports.join()  # two threads in the same import can see it half done
     if not trial.assembler.segments:
-        _remove_empty(recording_path)
+        with contextlib.suppress(OSError):  # so that the next try may have its name
+            recording_path.unlink()
         raise outcome.error or LinkError(
             f"the capture ended before the first sample ({outcome.reason})", "wait until the object streams"
         )
     return outcome
 
 
-def _finish(
-    outcome: CaptureOutcome, recording_path: Path, result_path: Path, options: ScoreOptions | None
-) -> FinishedCapture:
+def _finish(outcome: CaptureOutcome, recording_path: Path, result_path: Path, options: ScoreOptions) -> FinishedCapture:
     captured = CaptureAccount(
         recording=str(recording_path),
         ended=outcome.reason,
         error=None if outcome.error is None else str(outcome.error),
-        warnings=tuple(outcome.warnings),
+        warnings=outcome.warnings,
         elapsed_s=outcome.elapsed_s,
         clock=outcome.clock,
         live_theta_bar_deg=outcome.last_state.score.theta_bar_deg,
     )
     try:
-        trial = load_trial(recording_path, outcome.unwritten)
-        score = score_trial(trial, replace(options or ScoreOptions(), clock=True), captured)
+        score = score_trial(load_trial(recording_path, outcome.unwritten), replace(options, clock=True), captured)
     except AnalysisError as error:
         raise FileError(f"{recording_path} cannot be scored ({error})", "the recording is kept") from error
     try:
         write_result(score, result_path)
     except FileError as error:  # on a full disk the score is still shown
         outcome = replace(outcome, error=outcome.error or error)
-    return FinishedCapture(outcome, score, trial, recording_path, result_path)
+    return FinishedCapture(outcome, score, recording_path, result_path)
 
 
 def _load_slow_modules() -> None:
@@ -205,9 +196,3 @@ def _load_slow_modules() -> None:
     with contextlib.suppress(ImportError, AttributeError):
         for name in ("scipy.ndimage", "scipy.stats"):
             importlib.import_module(name)
-
-
-def _remove_empty(path: Path) -> None:
-    """Remove a recording without a single sample, so that the next try may have its name."""
-    with contextlib.suppress(OSError):
-        path.unlink()

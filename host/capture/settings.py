@@ -7,7 +7,6 @@ from pathlib import Path
 
 from host.capture.guide import GuideSettings
 from host.stream.session import SessionSettings
-from host.trial.state import TargetView
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,10 +30,3 @@ class CaptureSettings:
     """Lead through the trial step by step; None for no guide."""
     read_pause_s: float = 0.0
     """Rest of a live link's reading thread, for other links; see :class:`host.links.reader_thread.ReaderThread`."""
-    linger_periods: float = 0.35
-    """How long to go on after the last cycle: the offline search wants to see the way back from it."""
-
-    @property
-    def target(self) -> TargetView:
-        """When it ends, for a screen."""
-        return TargetView(self.cycles, self.duration_s, self.until_half_width_deg)

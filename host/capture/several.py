@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -51,7 +51,7 @@ class _SharedScreen:
         self.screen = screen
         self._stop = stop
         self._lock = threading.Lock()
-        self._waiting: dict[int, deque[ScreenAction]] = defaultdict(deque)
+        self._waiting: dict[int, list[ScreenAction]] = defaultdict(list)
 
     def actions(self, index: int) -> list[ScreenAction]:
         with self._lock:
@@ -59,9 +59,7 @@ class _SharedScreen:
                 self._waiting[action.index].append(action)
                 if action.kind == "finish":
                     self._stop.set()  # it ends them all
-            mine = list(self._waiting[index])
-            self._waiting[index].clear()
-        return mine
+            return self._waiting.pop(index, [])
 
 
 class _ObjectScreen(Screen):
@@ -97,7 +95,7 @@ def capture_several(
     stop: threading.Event,
     options: ScoreOptions | None = None,
 ) -> list[ObjectOutcome]:
-    """Capture several objects; one that fails leaves the others alone.
+    """Capture several objects with the same settings, and return how each went; one that fails leaves the others alone.
 
     Parameters
     ----------
@@ -105,23 +103,14 @@ def capture_several(
         URIs; nodes of one CAN bus are links with different ``?node=``.
     recordings : sequence of Path
         One for each.
-    settings : CaptureSettings
-        For all of them.
     screen : Screen
         Started and stopped here.
     stop : threading.Event
         Ends them all.
-    options : ScoreOptions, optional
-        For all of them.
-
-    Returns
-    -------
-    list of ObjectOutcome
-        In the order of the links.
     """
     settings = replace(settings, read_pause_s=PAUSE_S * (len(links) - 1))
     shared = _SharedScreen(screen, stop)
-    outcomes: dict[int, ObjectOutcome] = {}
+    outcomes = [ObjectOutcome(link, None, HostError("the capture failed")) for link in links]
 
     def capture(index: int) -> None:
         mine = _ObjectScreen(shared, index)
@@ -133,10 +122,8 @@ def capture_several(
             outcomes[index] = ObjectOutcome(links[index], None, error)
 
     screen.start()
-    threads = [
-        threading.Thread(target=capture, args=(index,), name=f"rotdrift-object-{index + 1}")
-        for index in range(len(links))
-    ]
+    names = [f"rotdrift-object-{number}" for number in range(1, len(links) + 1)]
+    threads = [threading.Thread(target=capture, args=(index,), name=name) for index, name in enumerate(names)]
     try:
         for thread in threads:
             thread.start()
@@ -145,7 +132,4 @@ def capture_several(
     finally:
         stop.set()
         screen.stop()
-    return [
-        outcomes.get(index, ObjectOutcome(links[index], None, HostError("the capture failed")))
-        for index in range(len(links))
-    ]
+    return outcomes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from analysis.scoring.result import Result
 from host.capture.alarms import AlarmWatch
@@ -13,37 +13,18 @@ from host.trial.running_score import RunningScore
 from host.trial.state import LinkView, RecordingView, ScoreView, TargetView, TrialState
 
 
+@dataclass
 class Snapshots:
-    """Puts states together, and keeps what depends on the states before: the alarms and the step of the guide.
+    """Puts states together, and keeps what depends on the states before: the alarms and the step of the guide."""
 
-    Parameters
-    ----------
-    trial : Trial
-        Decodes and scores.
-    desk : OperatorDesk
-        Has the operator's marks.
-    title : str
-        Of the screen.
-    target : TargetView
-        When the capture will end.
-    guide : Guide, optional
-        Leads through the trial.
-    """
-
-    def __init__(
-        self,
-        trial: Trial,
-        desk: OperatorDesk,
-        title: str = "rotdrift",
-        target: TargetView | None = None,
-        guide: Guide | None = None,
-    ) -> None:
-        self._trial = trial
-        self._desk = desk
-        self._title = title
-        self._target = target or TargetView()
-        self._guide = guide
-        self._alarms = AlarmWatch()
+    trial: Trial
+    desk: OperatorDesk
+    title: str = "rotdrift"
+    """Of the screen."""
+    target: TargetView = TargetView()
+    """When the capture will end."""
+    guide: Guide | None = None
+    _alarms: AlarmWatch = field(default_factory=AlarmWatch, init=False)
 
     def at(
         self,
@@ -56,24 +37,14 @@ class Snapshots:
     ) -> TrialState:
         """Return the state at this moment; moments must come in order.
 
-        Parameters
-        ----------
-        now_ns : int
-            Monotonic time (of a replay: the recording's).
-        elapsed_s : float
-            Since the first sample.
-        link, recording : LinkView, RecordingView
-            As they are now.
-        warnings : tuple of str
-            What a person should know.
-        enough : bool
-            Whether there are as many cycles, or as narrow an interval, as asked for: the guide goes on then.
+        ``now_ns`` is monotonic (of a replay: the recording's), ``elapsed_s`` counts from the first sample. Once there
+        is ``enough`` (cycles, or as narrow an interval, as asked for), the guide goes on.
         """
-        trial = self._trial
+        trial = self.trial
         state = TrialState(
-            title=self._title,
+            title=self.title,
             elapsed_s=elapsed_s,
-            target=self._target,
+            target=self.target,
             score=_score_view(trial.score),
             motion=trial.motion_view(),
             sensor=trial.sensor_view(),
@@ -82,9 +53,9 @@ class Snapshots:
             link=link,
             recording=recording,
             warnings=warnings,
-            marks=self._desk.marks,
+            marks=self.desk.marks,
         )
-        guide = None if self._guide is None else self._guide.update(state, enough)
+        guide = None if self.guide is None else self.guide.update(state, enough)
         return replace(state, alarms=self._alarms.update(state), guide=guide)
 
 
@@ -111,7 +82,7 @@ def difference_sentence(live_deg: float | None, score: Result) -> str:
 
 
 def difference_line(live_deg: float | None, score: Result) -> str:
-    """Return the same as a line below the printed score, which has said already why there is none."""
+    """Return the same as a line below the printed score, which has the reason where there is none."""
     if score.theta_bar_deg is not None:
         return f"live       {difference_sentence(live_deg, score).removeprefix('live ')}\n"
     return "" if live_deg is None else f"live       {live_deg:.3f}°, which the result does not confirm\n"

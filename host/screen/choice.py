@@ -31,16 +31,9 @@ class ScreenChoice:
 
 
 def open_screen(json_output: bool, stream: TextIO | None = None, choice: ScreenChoice | None = None) -> Screen:
-    """Return the screen for a capture.
+    """Return the screen for a capture whose person may be looking at ``stream``, by default standard output.
 
-    Parameters
-    ----------
-    json_output : bool
-        Standard output belongs to a JSON object: lines go to standard error.
-    stream : text file, optional
-        Where a person may be looking; standard output by default.
-    choice : ScreenChoice, optional
-        What the person asked for.
+    With ``json_output`` that belongs to a JSON object, and lines go to standard error.
     """
     if json_output:
         return LineScreen(sys.stderr)
@@ -50,17 +43,13 @@ def open_screen(json_output: bool, stream: TextIO | None = None, choice: ScreenC
     lines = choice.plain_lines or not console.is_terminal or console.is_dumb_terminal or not stream.isatty()
     if lines or not in_foreground(stream.fileno()):
         return LineScreen(stream)
+    background = os.environ.get("COLORFGBG", "").rpartition(";")[2]  # without one, a terminal counts as dark
     theme = Theme(
         ascii_only=choice.ascii_only or _shows_ascii_only(os.environ) or not _can_show("θ█⣿", stream),
-        light=choice.theme == "light" or (choice.theme == "auto" and _is_light(os.environ.get("COLORFGBG", ""))),
+        light=choice.theme == "light" or (choice.theme == "auto" and background in {"7", "15"}),
         color=None if console.no_color else console.color_system,
     )
     return LiveScreen(stream, LineScreen(stream), theme, choice.bell)
-
-
-def _is_light(colorfgbg: str) -> bool:
-    """Return whether ``foreground;background`` has a light background; without one, a terminal counts as dark."""
-    return colorfgbg.rpartition(";")[2] in {"7", "15"}
 
 
 def _shows_ascii_only(environment: Mapping[str, str]) -> bool:

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, replace
 
 from host.screen.dashboard.notices import EDITING
-from host.screen.dashboard.view import View
+from host.screen.dashboard.theme import View
 from host.text import plain
 from host.trial.state import TrialState
 
@@ -29,54 +29,52 @@ class ScreenAction:
     """Which cycle is meant, for ``exclude`` and ``include``."""
 
 
-class KeyReader:
-    """Turns keys into actions, and keeps the view.
+AT_ONCE = {
+    "m": ("marker", "marker set"),
+    "s": ("window", ""),
+    "q": ("finish", "finishing"),
+    INTERRUPT: ("finish", "finishing"),
+}
+"""Key -> the action that it is, and the answer to it."""
 
-    Parameters
-    ----------
-    view : View
-        At the start.
-    """
+
+class KeyReader:
+    """Turns keys into actions, and keeps the view."""
 
     def __init__(self, view: View) -> None:
         self.view = view
         self.aside = False
         """Whether the terminal is lent back to its owner for a while."""
         self._splitter = KeySplitter()
-        self._cycle: int | None = None
-        self._asked = ""
+        self._asked = ""  # the action that waits for what is being typed
+        self._cycle: int | None = None  # that it is about: the last on the screen when the key was pressed
 
     def press(self, text: str, states: tuple[TrialState, ...]) -> list[ScreenAction]:
-        """Process what was typed since the last call; return what was asked for.
+        """Process what was typed since the last call, with these states on the screen; return what was asked for.
 
-        Parameters
-        ----------
-        text : str
-            As the terminal sent it; special keys mean nothing, and a paste only where something is being typed.
-        states : tuple of TrialState
-            What is on the screen.
+        The text is as the terminal sent it; special keys mean nothing, and a paste only where something is being typed.
         """
         keys, pasted = self._splitter.split(text)
-        actions: list[ScreenAction] = []
         if self.aside:
             self.aside = not (keys or pasted)
             return [] if self.aside else [self._action("back")]
         if self.view.prompt and pasted:  # into a note, a paste goes as one line; elsewhere it means nothing
             typed = self.view.typed + plain(pasted, len(pasted) + 1)
             self.view = replace(self.view, typed=typed[:MAX_TYPED])
+        actions = []
         for character in keys:
             key = ENTER if character == "\n" else BACKSPACE if character == "\b" else character
-            actions += self._typed(key) if self.view.prompt else self._key(key, states)
+            action = self._typed(key) if self.view.prompt else self._key(key, states)
+            if action is not None:
+                actions.append(action)
         return actions
 
-    def _typed(self, key: str) -> list[ScreenAction]:
+    def _typed(self, key: str) -> ScreenAction | None:
         view = self.view
         if key == ENTER:
             self.view = replace(view, prompt="", typed="")
             text = plain(view.typed, MAX_TYPED)
-            if self._asked == "note" and not text:
-                return []
-            return [self._action(self._asked, text)]
+            return None if self._asked == "note" and not text else self._action(self._asked, text)
         if key in {ESCAPE, INTERRUPT}:
             self.view = replace(view, prompt="", typed="", message="nothing changed")
         elif key == BACKSPACE:
@@ -85,61 +83,57 @@ class KeyReader:
             self.view = replace(view, typed="")
         elif key.isprintable() and len(view.typed) < MAX_TYPED:
             self.view = replace(view, typed=view.typed + key)
-        return []
+        return None
 
-    def _key(self, key: str, states: tuple[TrialState, ...]) -> list[ScreenAction]:
+    def _key(self, key: str, states: tuple[TrialState, ...]) -> ScreenAction | None:
         focus = min(self.view.focus, len(states) - 1)
         self.view = replace(self.view, message="", focus=focus)
         state = states[focus]
         if all(other.score.finished for other in states):
-            return [self._action("close")]
+            return self._action("close")
         if state.recording.replayed and key in EDITING:
             self.view = replace(self.view, message="a recording is only shown")
         elif key == "x":
             return self._exclude(state)
         elif key == "n":
-            self._ask("note", "note", None)
-        elif key == "m":
-            self.view = replace(self.view, message="marker set")
-            return [self._action("marker")]
-        elif key == "s":
-            return [self._action("window")]
-        elif key in {"q", INTERRUPT}:
-            self.view = replace(self.view, message="finishing")
-            return [self._action("finish")]
+            self._ask("note", "note")
+        elif key in AT_ONCE:
+            kind, answer = AT_ONCE[key]
+            self.view = replace(self.view, message=answer)
+            return self._action(kind)
         return self._screen_key(key, len(states))
 
-    def _screen_key(self, key: str, n_objects: int) -> list[ScreenAction]:
+    def _screen_key(self, key: str, n_objects: int) -> ScreenAction | None:
         view = self.view
         if key == "f" and n_objects > 1:
             self.view = replace(view, focus=(view.focus + 1) % n_objects)
-            return [self._action("focus")]
+            return self._action("focus")
         if key == "p":
             self.view = replace(view, paused=not view.paused)
-            return [self._action("pause" if self.view.paused else "resume")]
+            return self._action("resume" if view.paused else "pause")
         if key == "?":
             self.view = replace(view, help_open=not view.help_open)
-            return [self._action("help")] if self.view.help_open else []
+            return None if view.help_open else self._action("help")
         if key == ESCAPE:
             self.view = replace(view, help_open=False)
         elif key == SUSPEND:
             self.aside = True
-            return [self._action("aside")]
-        return []
+            return self._action("aside")
+        return None
 
-    def _exclude(self, state: TrialState) -> list[ScreenAction]:
+    def _exclude(self, state: TrialState) -> ScreenAction | None:
         row = state.score.cycles[-1] if state.score.cycles else None
         if row is None or row.number == 0:
             self.view = replace(self.view, message="no cycle yet")
-            return []
+            return None
         self._cycle = row.number
         if row.excluded:
-            return [self._action("include")]
-        self._ask("exclude", f"leave out cycle {row.number}, because", row.number)
-        return []
+            return self._action("include")
+        self._ask("exclude", f"leave out cycle {row.number}, because")
+        return None
 
-    def _ask(self, kind: str, prompt: str, cycle: int | None) -> None:
-        self._asked, self._cycle = kind, cycle
+    def _ask(self, kind: str, prompt: str) -> None:
+        self._asked = kind
         self.view = replace(self.view, prompt=prompt, typed="")
 
     def _action(self, kind: str, text: str = "") -> ScreenAction:
@@ -164,18 +158,7 @@ class KeySplitter:
         self._pasting = False
 
     def split(self, text: str) -> tuple[str, str]:
-        """Split what was read.
-
-        Parameters
-        ----------
-        text : str
-            As it came.
-
-        Returns
-        -------
-        keys, pasted : str
-            Characters typed (a lone ESC among them), and characters pasted.
-        """
+        """Return the characters typed (a lone ESC among them), and those pasted, of what was read."""
         text, self._held = self._held + text, ""
         keys: list[str] = []
         pasted: list[str] = []

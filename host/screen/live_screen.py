@@ -14,7 +14,7 @@ from typing import IO, Any, TextIO
 from host.screen.dashboard.theme import Theme
 from host.screen.keys import ScreenAction
 from host.screen.pipe import FrameSender, decode_action
-from host.screen.process import command_line
+from host.screen.process import command_line, handle_signals
 from host.screen.screens import Screen
 from host.screen.terminal import Terminal
 from host.text import plain
@@ -29,18 +29,7 @@ class LiveScreen(Screen):
     """Hands states to the process that draws them.
 
     While it is up, signals that would stop this program in the shell's way (Control-Z) are ignored: a stopped capture
-    loses data. The keys of the screen offer to step aside instead.
-
-    Parameters
-    ----------
-    stream : text file
-        Of the terminal.
-    fallback : Screen
-        Who goes on when the screen process fails.
-    theme : Theme
-        How to draw.
-    bell : bool
-        Whether to ring at new alarms and at the end.
+    loses data. The keys of the screen offer to step aside instead. When the process fails, the ``fallback`` goes on.
     """
 
     def __init__(self, stream: TextIO, fallback: Screen, theme: Theme, bell: bool = False) -> None:
@@ -48,7 +37,8 @@ class LiveScreen(Screen):
         self._fallback = fallback
         self._theme = theme
         self._bell = bell
-        self._process: subprocess.Popen[bytes] | None = None
+        self.process: subprocess.Popen[bytes] | None = None
+        """Draws; None before and after."""
         self._frames: FrameSender | None = None
         self._terminal: Terminal | None = None
         self._rescued = False
@@ -57,19 +47,11 @@ class LiveScreen(Screen):
         self._closed = threading.Event()
         self._reported: list[str] = []
 
-    @property
-    def process_id(self) -> int | None:
-        """Number of the process that draws; None before and after."""
-        return None if self._process is None else self._process.pid
-
     def start(self) -> None:
         """Start the process that draws; the terminal is its own from here on."""
         self._terminal = Terminal(self._stream.fileno())
         if threading.current_thread() is threading.main_thread():
-            for name in _JOB_SIGNALS:
-                number = getattr(signal, name, None)
-                if number is not None:
-                    self._handlers[number] = signal.signal(number, signal.SIG_IGN)
+            self._handlers = handle_signals(_JOB_SIGNALS, signal.SIG_IGN)
         descriptor = os.dup(self._stream.fileno())  # a number that no pipe has over there
         extra: dict[str, Any] = {} if sys.platform == "win32" else {"pass_fds": (descriptor,)}
         process = subprocess.Popen(  # noqa: S603 - our own program
@@ -82,7 +64,7 @@ class LiveScreen(Screen):
         os.close(descriptor)
         assert process.stdin is not None
         assert process.stdout is not None
-        self._process = process
+        self.process = process
         self._frames = FrameSender(process.stdin, self._bell)
         threading.Thread(target=self._receive, args=(process.stdout,), name="rotdrift-keys", daemon=True).start()
 
@@ -111,12 +93,12 @@ class LiveScreen(Screen):
 
     def hold(self, timeout_s: float) -> bool:
         """Wait for a key, at most so long; True when one was pressed, or nobody can any more."""
-        process = self._process
+        process = self.process
         return self._closed.wait(timeout_s) or process is None or process.poll() is not None
 
     def stop(self) -> None:
         """Release the terminal, then print what was reported."""
-        process, self._process = self._process, None
+        process, self.process = self.process, None
         if process is not None and self._frames is not None:
             self._frames.stop()
             try:
@@ -143,7 +125,7 @@ class LiveScreen(Screen):
 
     def _failed(self) -> bool:
         """Return whether the screen process has ended by itself; then the terminal is restored, and lines go on."""
-        process = self._process
+        process = self.process
         if process is None or process.poll() is None:
             return False
         if self._rescue():

@@ -21,15 +21,7 @@ _COLORS = {"standard": ColorSystem.STANDARD, "256": ColorSystem.EIGHT_BIT, "true
 
 
 class Painter:
-    """Paints on a terminal that may accept nothing, be resized, or be given to a shell between two pictures.
-
-    Parameters
-    ----------
-    terminal : Terminal
-        Set up for drawing.
-    theme : Theme
-        Its colours and characters.
-    """
+    """Paints on a terminal that may accept nothing, be resized, or be given to a shell between two pictures."""
 
     def __init__(self, terminal: Terminal, theme: Theme) -> None:
         self._terminal = terminal
@@ -61,17 +53,7 @@ class Painter:
         return True
 
     def paint(self, lines: Lines, size: tuple[int, int], bell: bool) -> None:
-        """Send the lines that changed.
-
-        Parameters
-        ----------
-        lines : list of Text
-            The picture.
-        size : tuple of int
-            Width and height it was drawn for, cells.
-        bell : bool
-            Whether to ring.
-        """
+        """Send the lines of a picture that changed; ``size`` is the width and height it was drawn for, cells."""
         afresh, resized = self._aside or self._afresh, size != self._size
         self._aside = self._afresh = False
         coded = [self._codes(line) for line in lines]

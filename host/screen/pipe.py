@@ -71,12 +71,7 @@ def decode_action(line: bytes) -> ScreenAction | None:
 class FrameSender:
     """Sends the newest states in a thread of its own; those that come faster than they are received are left out.
 
-    Parameters
-    ----------
-    file : binary file
-        Of the pipe; closed at the end.
-    bell : bool
-        Whether to ring at new alarms and at the end.
+    The pipe is closed at the end. With ``bell``, the terminal is to ring at new alarms and at the end.
     """
 
     def __init__(self, file: IO[bytes], bell: bool) -> None:

@@ -13,7 +13,8 @@ import signal
 import sys
 import threading
 import time
-from typing import BinaryIO
+from dataclasses import asdict
+from typing import Any, BinaryIO
 
 from host.screen.dashboard.picture import Theme, View, picture
 from host.screen.keys import KeyReader
@@ -37,15 +38,7 @@ class ScreenProcess:
     """Draws frames, reads keys.
 
     Three threads: one receives frames, one reads keys, and :meth:`run` draws. They share what is under ``_changed``.
-
-    Parameters
-    ----------
-    terminal : Terminal
-        Set up for drawing; released by the caller.
-    theme : Theme
-        How to draw.
-    frames, actions : binary file
-        From and to the capture.
+    The terminal is acquired and released by the caller.
     """
 
     def __init__(self, terminal: Terminal, theme: Theme, frames: BinaryIO, actions: BinaryIO) -> None:
@@ -150,10 +143,7 @@ class ScreenProcess:
 def main() -> None:
     """Run the process; see :class:`host.screen.live_screen.LiveScreen` for its arguments."""
     descriptor, theme = int(sys.argv[1]), Theme(**json.loads(sys.argv[2]))
-    for name in _IGNORED:
-        number = getattr(signal, name, None)
-        if number is not None:
-            signal.signal(number, signal.SIG_IGN)
+    handle_signals(_IGNORED, signal.SIG_IGN)
     if sys.platform != "win32":
         with contextlib.suppress(OSError):
             os.nice(NICE)
@@ -161,10 +151,7 @@ def main() -> None:
     try:
         terminal.acquire()
         process = ScreenProcess(terminal, theme, sys.stdin.buffer, sys.stdout.buffer)
-        for name in ("SIGCONT", "SIGWINCH"):
-            number = getattr(signal, name, None)
-            if number is not None:
-                signal.signal(number, lambda *_: process.wake())
+        handle_signals(("SIGCONT", "SIGWINCH"), lambda *_: process.wake())
         process.run()
     finally:
         terminal.release()
@@ -172,10 +159,15 @@ def main() -> None:
     os._exit(0)  # threads that wait for keys or frames have nothing left to do
 
 
+def handle_signals(names: tuple[str, ...], handler: Any) -> dict[int, Any]:  # noqa: ANN401 - as signal.signal has it
+    """Set the handler of those signals that this system has; return their handlers before."""
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    return {number: signal.signal(number, handler) for number in numbers}
+
+
 def command_line(descriptor: int, theme: Theme) -> list[str]:
     """Return the command line of the process."""
-    settings = {"ascii_only": theme.ascii_only, "light": theme.light, "color": theme.color}
-    return [sys.executable, "-P", "-m", "host.screen.process", str(descriptor), json.dumps(settings)]
+    return [sys.executable, "-P", "-m", "host.screen.process", str(descriptor), json.dumps(asdict(theme))]
 
 
 if __name__ == "__main__":

@@ -56,13 +56,7 @@ class QuietScreen(Screen):
 
 
 class LineScreen(Screen):
-    """One plain line per cycle, sentence and new alarm.
-
-    Parameters
-    ----------
-    stream : text file
-        Where the lines go.
-    """
+    """One plain line per cycle, sentence and new alarm."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream

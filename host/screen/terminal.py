@@ -101,12 +101,7 @@ else:
             raise TerminalLostError(str(error)) from error
 
     class Terminal:
-        """A POSIX terminal.
-
-        Parameters
-        ----------
-        descriptor : int
-            Any open descriptor of it.
+        """A POSIX terminal, by any open descriptor of it.
 
         Raises
         ------

@@ -31,6 +31,14 @@ def test_every_line_has_the_width_of_the_terminal(states, size, theme):
         assert all(line.plain.isascii() for line in lines)
 
 
+@pytest.mark.parametrize("height", range(26, 34))
+def test_a_wide_terminal_with_little_height_left_has_a_picture_too(height):
+    states = (replace(ALARM, guide=GUIDED.guide), *[SECOND] * 15)
+    for theme in (Theme(), Theme(ascii_only=True)):
+        lines = picture(states, View(theme=theme), 100, height)
+        assert [cell_len(line.plain) for line in lines] == [100] * height
+
+
 def test_colour_is_never_the_only_carrier():
     def bare(name):
         return re.sub(r"\x1b\[[0-9;]*m", "", draw(name))

@@ -21,18 +21,15 @@ Lines = list[Text]
 def fitted(line: Text, width: int, theme: Theme) -> Text:
     """Return a line cut or padded to a width; what is cut ends in an ellipsis (ASCII: ``~``)."""
     missing = width - line.cell_len
-    if missing < 0:
-        line = line.copy()
-        if theme.ascii_only:
-            line.truncate(max(0, width - 1), overflow="crop")
-            line.append("~"[:width])
-        else:
-            line.truncate(width, overflow="ellipsis")
-        missing = width - line.cell_len
-    if missing > 0:
-        line = line.copy()
-        line.append(" " * missing)
-    return line
+    if missing == 0:
+        return line
+    line = line.copy()
+    if missing < 0 and theme.ascii_only:
+        line.truncate(max(0, width - 1), overflow="crop")
+        line.append("~"[:width])
+    elif missing < 0:
+        line.truncate(width, overflow="ellipsis")
+    return line.append(" " * (width - line.cell_len))
 
 
 def end_of(words: str, width: int, theme: Theme) -> str:

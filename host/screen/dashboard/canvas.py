@@ -14,48 +14,31 @@ _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 
 
 class Canvas:
-    """Dots, lines and letters on a grid; (0, 0) is the lower left dot.
-
-    Parameters
-    ----------
-    width, height : int
-        In cells.
-    theme : Theme
-        Decides between braille and ASCII.
-    """
+    """Dots, lines and letters on a grid of so many cells; (0, 0) is the lower left dot."""
 
     def __init__(self, width: int, height: int, theme: Theme) -> None:
-        self.cells_wide, self.cells_high = max(0, width), max(0, height)
+        self.cells_wide, self._cells_high = max(0, width), max(0, height)
         self._theme = theme
         self._per_x, self._per_y = (1, 1) if theme.ascii_only else (2, 4)
+        self.width, self.height = self.cells_wide * self._per_x, self._cells_high * self._per_y
+        """In dots."""
         self._bits: dict[tuple[int, int], int] = {}
         self._letters: dict[tuple[int, int], str] = {}
         self._styles: dict[tuple[int, int], Style] = {}
 
-    @property
-    def width(self) -> int:
-        """Dots across."""
-        return self.cells_wide * self._per_x
-
-    @property
-    def height(self) -> int:
-        """Dots up."""
-        return self.cells_high * self._per_y
-
-    def dot(self, x: float, y: float, meaning: str, mark: str = "*") -> None:
+    def dot(self, x: float, y: float, meaning: str, mark: str) -> None:
         """Set a dot; outside the picture nothing happens. ``mark`` stands for it in ASCII."""
         place = self._cell(x, y)
         if place is None:
             return
-        column, row = place
         if self._theme.ascii_only:
-            self._letters.setdefault((column, row), mark)
+            self._letters.setdefault(place, mark)
         else:
             down = self.height - 1 - round(y)
             self._bits[place] = self._bits.get(place, 0) | _DOTS[round(x) % 2][down % 4]
         self._styles[place] = self._theme.styles[meaning]
 
-    def line(self, start: Sequence[float], end: Sequence[float], meaning: str, mark: str = "*") -> None:
+    def line(self, start: Sequence[float], end: Sequence[float], meaning: str, mark: str) -> None:
         """Draw a straight line between two points (x, y)."""
         (x0, y0), (x1, y1) = start, end
         steps = max(1, round(max(abs(x1 - x0), abs(y1 - y0))))
@@ -71,7 +54,7 @@ class Canvas:
 
     def lines(self) -> list[Text]:
         """Return the picture, a text per row of cells."""
-        return [self._row(row) for row in range(self.cells_high)]
+        return [self._row(row) for row in range(self._cells_high)]
 
     def _cell(self, x: float, y: float) -> tuple[int, int] | None:
         column, up = round(x), round(y)
@@ -108,24 +91,12 @@ _STROKES = (
 
 
 def big_text(text: str, ascii_only: bool = False) -> tuple[str, str, str]:
-    """Write figures in block characters.
-
-    Parameters
-    ----------
-    text : str
-        Digits, point, minus, degree sign and space.
-    ascii_only : bool
-        Draw with lines of ASCII in place of blocks.
-
-    Returns
-    -------
-    tuple of str
-        Three lines of equal length.
+    """Write figures in three lines of equal length, of block characters or of ASCII.
 
     Raises
     ------
     ValueError
-        There is no figure for a character.
+        A character is not a digit, point, minus, degree sign or space.
     """
     unknown = sorted(set(text) - set(_CHARACTERS))
     if unknown:

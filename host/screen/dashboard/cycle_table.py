@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from rich.cells import cell_len
 from rich.text import Text
@@ -20,8 +20,7 @@ _FLAGS = 13
 """Cells kept for flags."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Columns:
+class _Columns(NamedTuple):
     """What there is room for."""
 
     bar: int
@@ -29,19 +28,19 @@ class _Columns:
     axis: int
     """Width of the axis, 0 without one."""
 
-    @classmethod
-    def that_fit(cls, width: int) -> _Columns:
-        """Choose: the axis of the step goes before the course of θ̄, which stands in large figures anyway."""
-        spare = width - _FIXED - MIN_BAR - _FLAGS
-        axis = 0 if spare < _AXIS else _AXIS if spare < _WIDE_AXIS + _THETA + _FLAGS else _WIDE_AXIS
-        theta = spare - axis >= _THETA
-        return cls(min(MAX_BAR, max(MIN_BAR, MIN_BAR + spare - axis - _THETA * theta)), theta, axis)
+
+def _columns(width: int) -> _Columns:
+    """Return the columns that fit: the axis of the step goes before the course of θ̄, for that stands above anyway."""
+    spare = width - _FIXED - MIN_BAR - _FLAGS
+    axis = 0 if spare < _AXIS else _AXIS if spare < _WIDE_AXIS + _THETA + _FLAGS else _WIDE_AXIS
+    theta = spare - axis >= _THETA
+    return _Columns(min(MAX_BAR, max(MIN_BAR, MIN_BAR + spare - axis - _THETA * theta)), theta, axis)
 
 
 @once_a_cycle
 def cycle_table(state: TrialState, theme: Theme, width: int, height: int) -> Lines:
     """Draw the newest cycles that fit, below a heading."""
-    columns = _Columns.that_fit(width)
+    columns = _columns(width)
     head = f"{'cycle':>6}{'time':>10}{'period':>9}{'step deg' if theme.ascii_only else 'step':>9} {'':{columns.bar}}"
     if columns.theta:
         head += f"{theme.words('θ̄'):>{_THETA if theme.ascii_only else _THETA + 1}}"  # ``format`` counts the bar over θ
@@ -68,8 +67,8 @@ def _line(row: CycleRow, longest_deg: float, columns: _Columns, theme: Theme, wi
     if columns.theta:
         parts.append(f"{_angle(row.theta_bar_deg, theme):>{_THETA}}")
     line = theme.join(*parts)
-    note = row.excluded if row.excluded in {OUTSIDE, MISSED} else f"left out: {row.excluded}"
-    note = note if row.excluded else ", ".join(row.flags)
+    by_operator = row.excluded not in {"", OUTSIDE, MISSED}
+    note = f"left out: {row.excluded}" if by_operator else row.excluded or ", ".join(row.flags)
     if columns.axis and row.step_axis is not None:
         axis = theme.join((f"  {theme.vector(row.step_axis, 2 if columns.axis == _WIDE_AXIS else 1)}", "quiet"))
         if not note or line.cell_len + axis.cell_len + 1 + cell_len(theme.words(note)) <= width:  # a note goes before

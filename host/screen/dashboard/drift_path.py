@@ -60,6 +60,7 @@ def path_plot(state: TrialState, theme: Theme, width: int, height: int, labels: 
     numbers, turns = _turns(state)
     if len(numbers) < 2:
         return block([theme.text("no steps yet", "quiet")] if labels else [], width, height, theme)
+    labels = labels and height > 1  # in a single line the path itself goes before
     angles_deg = np.degrees(rotations.angle(turns)).tolist()
     top = max(*angles_deg, 1e-3)
     margin = (10 if theme.ascii_only else 8) if labels else 0

@@ -7,8 +7,7 @@ import textwrap
 from rich.text import Text
 
 from host.screen.dashboard.boxes import Lines, end_of, framed
-from host.screen.dashboard.theme import Theme
-from host.screen.dashboard.view import View
+from host.screen.dashboard.theme import Theme, View
 from host.trial.state import Alarm, TrialState
 
 KEYS = (
@@ -47,8 +46,7 @@ def notice_lines(state: TrialState, theme: Theme, width: int) -> Lines:
     Where there are many, each alarm has one line: none hides another.
     """
     wrapped = [_alarm_lines(alarm, theme, width) for alarm in state.alarms]
-    crowded = sum(map(len, wrapped)) > MAX_NOTICES
-    if crowded:
+    if sum(map(len, wrapped)) > MAX_NOTICES:
         wrapped = [_alarm_lines(alarm, theme, 500) for alarm in state.alarms]
     lines: Lines = [line for alarm in wrapped for line in alarm]
     if len(lines) > MAX_NOTICES:

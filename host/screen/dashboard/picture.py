@@ -12,8 +12,7 @@ from host.screen.dashboard.drift_path import path_plot, sphere_plot
 from host.screen.dashboard.notices import bottom_line, guide_lines, help_lines, notice_lines
 from host.screen.dashboard.score_panel import score_panel
 from host.screen.dashboard.status_panel import status_panel
-from host.screen.dashboard.theme import Theme
-from host.screen.dashboard.view import View
+from host.screen.dashboard.theme import Theme, View
 from host.trial.state import TrialState
 
 __all__ = ["Theme", "View", "picture"]
@@ -27,17 +26,7 @@ MIN_PLOT, MAX_PLOT = 30, 72
 
 
 def picture(states: tuple[TrialState, ...], view: View, width: int, height: int) -> Lines:
-    """Draw a moment as exactly ``height`` lines of exactly ``width`` cells.
-
-    Parameters
-    ----------
-    states : tuple of TrialState
-        One per object, at least one.
-    view : View
-        Focus, prompt, theme.
-    width, height : int
-        Of the terminal.
-    """
+    """Draw a moment, of one object or several, as exactly ``height`` lines of exactly ``width`` cells."""
     theme = view.theme
     focus = min(view.focus, len(states) - 1)
     state = states[focus]

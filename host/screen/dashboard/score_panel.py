@@ -33,12 +33,11 @@ def score_panel(state: TrialState, theme: Theme, width: int, with_path: bool) ->
     path_width = min(MAX_PATH, room - (ASCII_TEXT_WIDTH if theme.ascii_only else TEXT_WIDTH) - 1)
     refused = score.finished and score.theta_bar_deg is None  # then the reason needs the room
     net = net_deg(state) if with_path and path_width >= MIN_PATH and not refused else None
-    parts = [block(digits, digits_width, 3, theme)]
+    path, gap = [], 0
     if net is not None:
         room -= path_width + 1
-        parts += [block(_words(state, theme, room), room + 1, 3, theme), small_path(state, theme, path_width, 3)]
-    else:
-        parts.append(block(_words(state, theme, room), room, 3, theme))
+        path, gap = [small_path(state, theme, path_width, 3)], 1
+    parts = [block(digits, digits_width, 3, theme), block(_words(state, theme, room), room + gap, 3, theme), *path]
     name = " · ".join(part for part in (state.title, state.sensor.name or "sensorized object") if part)
     since = "" if net is None else f"since the start {net:.1f}°"
     return framed(beside(*parts), name, width, HEIGHT, theme, "accent", since, _foot(state, theme, inner - 2))
@@ -104,66 +103,46 @@ def verdicts(state: TrialState) -> list[Part]:
     return [answer for answer in answers if answer is not None]
 
 
-def _missing(score: ScoreView, target_deg: float | None) -> str:
-    """Return in a few words what a trustworthy score still needs; empty when nothing is missing."""
-    needed = MIN_STEPS - score.n_cycles
-    if needed > 0:
-        return f"needs {counted(needed, 'more cycle')}"
-    if target_deg is not None and score.half_width_deg is not None and score.half_width_deg > target_deg:
-        if score.more_cycles is None:
-            return f"±{target_deg:g}° is out of reach"
-        return f"needs {score.more_cycles} more for ±{target_deg:g}°"
-    return ""
-
-
-def _good(words: str) -> Part:
-    return f"✓ {words}", "good"
-
-
-def _wait(words: str) -> Part:
-    return f"… {words}", "plain"
-
-
-def _warn(words: str, meaning: str = "doubtful") -> Part:
-    return f"! {words}", meaning
-
-
 def _connected(state: TrialState) -> Part:
     trouble = outage(state)
     if trouble:
-        return _warn(trouble, "bad")
-    return _wait("no data yet") if state.sensor.orientation_wxyz is None else _good("connected")
+        return (f"! {trouble}", "bad")
+    return ("… no data yet", "plain") if state.sensor.orientation_wxyz is None else ("✓ connected", "good")
 
 
 def _finds_cycles(state: TrialState) -> Part | None:
     if any(alarm.kind == "no cycles" for alarm in state.alarms):
-        return _warn("no cycles found", "bad")
+        return ("! no cycles found", "bad")
     if not state.score.cycles:
-        return None if state.sensor.orientation_wxyz is None else _wait("no cycles yet")
-    return _wait("the hand rests") if "pause" in state.motion.flags else _good("cycles")
+        return None if state.sensor.orientation_wxyz is None else ("… no cycles yet", "plain")
+    return ("… the hand rests", "plain") if "pause" in state.motion.flags else ("✓ cycles", "good")
 
 
 def _trust(state: TrialState) -> Part | None:
     kinds = {alarm.kind for alarm in state.alarms} - {"link", "no cycles"}
     if kinds:
-        return _warn("below the floor" if kinds == {"floor"} else "see the alarm", "bad")
+        return ("! below the floor" if kinds == {"floor"} else "! see the alarm", "bad")
     if state.score.theta_bar_deg is None:
         return None
     floor_deg = state.sensor.floor_deg
     if floor_deg is None:
-        return _warn("floor unknown")
-    return _good("above the floor") if state.score.theta_bar_deg > floor_deg else _wait("below the floor so far")
+        return ("! floor unknown", "doubtful")
+    above = state.score.theta_bar_deg > floor_deg
+    return ("✓ above the floor", "good") if above else ("… below the floor so far", "plain")
 
 
 def _enough(state: TrialState) -> Part | None:
     score, target = state.score, state.target
-    wanted = _missing(score, target.half_width_deg)
-    if wanted:
-        out_of_reach = score.n_cycles >= MIN_STEPS and score.more_cycles is None
-        return _warn(wanted) if out_of_reach else _wait(wanted)
+    needed, target_deg = MIN_STEPS - score.n_cycles, target.half_width_deg
+    if needed > 0:
+        return (f"… needs {counted(needed, 'more cycle')}", "plain")
+    if target_deg is not None and score.half_width_deg is not None and score.half_width_deg > target_deg:
+        if score.more_cycles is None:
+            return (f"! ±{target_deg:g}° is out of reach", "doubtful")
+        return (f"… needs {score.more_cycles} more for ±{target_deg:g}°", "plain")
     if state.guide is not None:  # its own line asks for the end
         return None
-    if target.half_width_deg is not None:
-        return _good(f"±{target.half_width_deg:g}° reached")
+    if target_deg is not None:
+        return (f"✓ ±{target_deg:g}° reached", "good")
     left = 0 if target.cycles is None else target.cycles - score.n_cycles
-    return _wait(f"{counted(left, 'cycle')} to go") if left > 0 else _good("enough to score")
+    return (f"… {counted(left, 'cycle')} to go", "plain") if left > 0 else ("✓ enough to score", "good")

@@ -16,7 +16,7 @@ LOSS_LIMIT = 0.01
 """Share of missing samples that is marked as bad."""
 SILENCE_S = 1.0
 """So long without a sample is worth a word."""
-NAME_WIDTH = 10
+NAME_WIDTH, PHASE_CELLS = 10, 6
 COUNTERS = {
     "refused": "refused",
     "unnumbered": "unnumbered",
@@ -51,26 +51,26 @@ def status_panel(state: TrialState, theme: Theme, width: int) -> Lines:
     return framed(lines, "", width, HEIGHT, theme)
 
 
-def phase_bar(share: float, theme: Theme, width: int = 6) -> str:
-    """Draw how much of a cycle is done, 0-1, in a few cells."""
-    done = min(width, max(0, int(share * width)))
+def _phase_bar(share: float, theme: Theme) -> str:
+    """Draw how much of a cycle is done, 0-1."""
+    done = min(PHASE_CELLS, max(0, int(share * PHASE_CELLS)))
     full, empty = ("=", ".") if theme.ascii_only else ("▪", "·")
-    return full * done + empty * (width - done)
+    return full * done + empty * (PHASE_CELLS - done)
 
 
 def _motion(state: TrialState, theme: Theme) -> list[Part]:
     motion = state.motion
     of_period = "" if motion.period_s is None else f" of {_short(motion.period_s)} s"
     if motion.cycle_phase is not None:
-        parts: list[Part] = [f"{motion.phase} {phase_bar(motion.cycle_phase, theme)}{of_period}"]
+        parts: list[Part] = [f"{motion.phase} {_phase_bar(motion.cycle_phase, theme)}{of_period}"]
     else:
         parts = [motion.phase, of_period and f"period{of_period.removeprefix(' of')}"]
     # At rest it turns about no axis at all, and that is as it should be.
     flags = [flag for flag in motion.flags if not (motion.at_rest and flag == "axis ambiguous")]
-    if flags:
-        parts.append((", ".join(flags), "doubtful"))
-    if motion.swing_deg is not None:
-        parts.append(f"swing {_short(motion.swing_deg, 1)}°")
+    parts += [
+        (", ".join(flags), "doubtful"),
+        "" if motion.swing_deg is None else f"swing {_short(motion.swing_deg, 1)}°",
+    ]
     if state.sensor.orientation_wxyz is not None:
         parts.append((f"q {theme.vector(state.sensor.orientation_wxyz, 2)}", "quiet"))
     return parts
@@ -80,22 +80,18 @@ def _sensor(state: TrialState) -> list[Part]:
     sensor = state.sensor
     if sensor.still is None:
         return ["no data yet"]
-    parts: list[Part] = ["still" if sensor.still else "moving"]
-    if sensor.saturated:
-        parts.append(("SATURATED", "bad"))
-    if sensor.temperature_c is not None:
-        parts.append(f"{sensor.temperature_c:.0f} °C")
-    if sensor.battery_v is not None:
-        parts.append(f"{sensor.battery_v:.1f} V")
-    if sensor.heading_deg_per_min is not None:
-        if sensor.floor_deg is not None:
-            parts.append(f"floor {sensor.floor_deg:.2g}°/cycle")
-        parts.append(f"drifts {sensor.heading_deg_per_min:.2g}°/min")
-    else:
+    parts: list[Part] = [
+        "still" if sensor.still else "moving",
+        ("SATURATED" if sensor.saturated else "", "bad"),
+        "" if sensor.temperature_c is None else f"{sensor.temperature_c:.0f} °C",
+        "" if sensor.battery_v is None else f"{sensor.battery_v:.1f} V",
+    ]
+    if sensor.heading_deg_per_min is None:
         parts.append(("no baseline", "quiet"))
-    if sensor.calibrated is False:
-        parts.append(("uncalibrated", "doubtful"))
-    return parts
+    else:
+        parts.append("" if sensor.floor_deg is None else f"floor {sensor.floor_deg:.2g}°/cycle")
+        parts.append(f"drifts {sensor.heading_deg_per_min:.2g}°/min")
+    return [*parts, ("uncalibrated" if sensor.calibrated is False else "", "doubtful")]
 
 
 def outage(state: TrialState) -> str:
@@ -112,22 +108,22 @@ def _link(state: TrialState, room: int, theme: Theme) -> list[Part]:
     if link.expected_rate_hz is not None:
         rate += f" of {link.expected_rate_hz:.0f}"
         off = stream.rate_hz is not None and abs(stream.rate_hz / link.expected_rate_hz - 1) > RATE_TOLERANCE
-    parts: list[Part] = [(rate, "doubtful" if off else "plain"), (outage(state), "bad")]
-    if link.overflow_chunks:
-        parts.append((f"{counted(link.overflow_chunks, 'chunk')} not received in time", "bad"))
-    if stream.reconnects:
-        parts.append((counted(stream.reconnects, "reconnect"), "doubtful"))
-    if stream.segments > 1:
-        n = stream.segments - 1
-        parts.append((stream.segment_reason if n == 1 else counted(n, "reset"), "doubtful"))
+    resets = stream.segments - 1
+    parts: list[Part] = [
+        (rate, "doubtful" if off else "plain"),
+        (outage(state), "bad"),
+        (f"{counted(link.overflow_chunks, 'chunk')} not received in time" if link.overflow_chunks else "", "bad"),
+        (counted(stream.reconnects, "reconnect") if stream.reconnects else "", "doubtful"),
+        ("" if resets < 1 else stream.segment_reason if resets == 1 else counted(resets, "reset"), "doubtful"),
+    ]
     counts = ((name, getattr(stream.counters, counter)) for counter, name in COUNTERS.items())
     parts += [(f"{name} {n}", "doubtful") for name, n in counts if n]
-    if link.one_way:
-        parts.append(("does not answer", "doubtful"))
-    if not stream.reconnects:
-        parts.append(("0 reconnects", "quiet"))
-    parts.append((end_of(link.name, max(12, room - len("1000.0 Hz of 1000 · 10 reconnects · ")), theme), "quiet"))
-    return parts
+    return [
+        *parts,
+        ("does not answer" if link.one_way else "", "doubtful"),
+        ("" if stream.reconnects else "0 reconnects", "quiet"),
+        (end_of(link.name, max(12, room - len("1000.0 Hz of 1000 · 10 reconnects · ")), theme), "quiet"),
+    ]
 
 
 def _clock(state: TrialState) -> list[Part]:
@@ -159,9 +155,7 @@ def _losses(state: TrialState) -> list[Part]:
         parts = [(f"{100 * losses.share:.2f} % missing: {causes}", meaning)]
     if not state.link.name.startswith("can:"):  # a CAN controller checks frames by itself and reports none
         parts.append((counted(counters.crc_errors, "CRC error"), "doubtful" if counters.crc_errors else "quiet"))
-    if counters.malformed:
-        parts.append((f"{counters.malformed} malformed", "doubtful"))
-    return parts
+    return [*parts, (f"{counters.malformed} malformed" if counters.malformed else "", "doubtful")]
 
 
 def _recording(state: TrialState, room: int, theme: Theme) -> list[Part]:
@@ -171,9 +165,8 @@ def _recording(state: TrialState, room: int, theme: Theme) -> list[Part]:
     parts: list[Part] = [f"{recording.n_bytes / 1e6:.1f} MB"]
     used = len("9999.9 MB")
     if recording.free_bytes is not None:
-        low = recording.free_bytes < 1e9
         free = f"{recording.free_bytes / 1e9:.1f} GB free"
-        parts.append((free, "bad" if low else "plain"))
+        parts.append((free, "bad" if recording.free_bytes < 1e9 else "plain"))
         used += 3 + len(free)
     parts.append((end_of(recording.path, max(12, room - used - 3), theme), "quiet"))
     return parts

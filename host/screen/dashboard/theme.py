@@ -1,4 +1,4 @@
-"""What the dashboard is drawn in: colours for dark and light terminals, characters for those that have only ASCII.
+"""How the dashboard is shown: colours for dark and light terminals, characters for those of only ASCII, what is open.
 
 Colour is never the only carrier of a meaning: what is doubtful or bad is also a word or a sign.
 """
@@ -6,7 +6,8 @@ Colour is never the only carrier of a meaning: what is doubtful or bad is also a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 from rich.style import Style
 from rich.text import Text
@@ -59,12 +60,11 @@ class Theme:
     light: bool = False
     color: str | None = "standard"
     """Colours of the terminal as rich names them: ``standard``, ``256``, ``truecolor``; None without any."""
-    styles: Mapping[str, Style] = field(init=False, repr=False, compare=False)
-    """Meaning -> rich style."""
 
-    def __post_init__(self) -> None:
-        names = _LIGHT if self.light else _DARK
-        object.__setattr__(self, "styles", {name: Style.parse(style) for name, style in names.items()})
+    @cached_property
+    def styles(self) -> Mapping[str, Style]:
+        """Meaning -> rich style."""
+        return {name: Style.parse(style) for name, style in (_LIGHT if self.light else _DARK).items()}
 
     def words(self, text: str) -> str:
         """Write a text in the characters the terminal has."""
@@ -89,26 +89,34 @@ class Theme:
         return line
 
     def listed(self, parts: Sequence[Part], width: int | None = None, between: str = " · ") -> Text:
-        """Put texts in a row with a dot between them.
+        """Put texts in a row with a dot, or what is ``between``, between them; empty ones are left out.
 
-        Parameters
-        ----------
-        parts : sequence of Part
-            The most important first; empty ones are left out.
-        width : int, optional
-            Cells there are: parts that do not fit are left out, later ones that do are not. The first is always there.
-        between : str
-            What stands in place of the dot.
+        With a ``width`` in cells, parts that do not fit are left out, later ones that do are not: the most important
+        come first, and the first is always there.
         """
-        line, room = Text(no_wrap=True, end=""), width
+        line = Text(no_wrap=True, end="")
         for part in parts:
-            words, meaning = (part, "plain") if isinstance(part, str) else part
-            if not words:
+            if not (part if isinstance(part, str) else part[0]):
                 continue
-            piece = self.join((between, "quiet")) if line else Text(end="")
-            piece.append(self.words(words), self.styles[meaning])
-            if room is not None and line and piece.cell_len > room:
-                continue
-            line.append_text(piece)
-            room = None if room is None else room - piece.cell_len
+            piece = self.join((between, "quiet"), part) if line else self.join(part)
+            if not line or width is None or line.cell_len + piece.cell_len <= width:
+                line.append_text(piece)
         return line
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What a person at the terminal does with the picture: never part of the trial itself."""
+
+    theme: Theme = Theme()
+    focus: int = 0
+    """Which of several objects is shown whole."""
+    paused: bool = False
+    """The picture stands still; the capture goes on."""
+    help_open: bool = False
+    prompt: str = ""
+    """What is asked for while a person types; empty otherwise."""
+    typed: str = ""
+    """What was typed so far."""
+    message: str = ""
+    """Answer to the last key."""
