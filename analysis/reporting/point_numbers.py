@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.patheffects import withStroke
 
-from analysis.reporting import style as look
+from analysis.reporting import style
 from analysis.series import FloatArray
 
 _DISTANCES_PT = (6.0, 9.0, 13.0, 18.0)
@@ -36,7 +36,7 @@ def draw_numbers(ax: Any, points: FloatArray, size: float = 6.0) -> None:  # noq
         ax.annotate(
             str(number + 1), points[number], xytext=tuple(offset), textcoords="offset points", fontsize=size,
             ha="center", va="center", zorder=20, annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "lw": 0.3, "color": look.GREY, "shrinkA": 0, "shrinkB": 1} if far else None,
+            arrowprops={"arrowstyle": "-", "lw": 0.3, "color": style.GREY, "shrinkA": 0, "shrinkB": 1} if far else None,
             path_effects=[withStroke(linewidth=1.0, foreground="white")],
         )  # fmt: skip
 

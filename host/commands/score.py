@@ -141,8 +141,8 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
     """Draw a trial; one without a score still shows its motion."""
     import textwrap
 
-    from analysis.reporting import style as figure_style
     from analysis.reporting.figures import summary_figure
+    from analysis.reporting.style import figure_bytes
     from host.errors import unwritable
 
     theta_deg = scored.result.theta_bar_deg
@@ -150,9 +150,8 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
         title = f"{source.name}: no score\n" + textwrap.fill("; ".join(scored.result.reasons), 110, max_lines=4)
     else:
         title = f"{source.name}: θ̄ = {theta_deg:.3f}° per cycle"
-    with figure_style.style():
-        figure = summary_figure(scored.series, scored.result, title)
-        content = figure_style.figure_bytes(figure, path.suffix.lower().removeprefix("."))
+    figure = summary_figure(scored.series, scored.result, title)
+    content = figure_bytes(figure, path.suffix.lower().removeprefix("."))
     try:
         with path.open("xb") as file:
             file.write(content)
