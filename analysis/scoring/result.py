@@ -182,15 +182,7 @@ def parse_result(data: bytes) -> Result:
 
 
 def schema_text(kind: type[msgspec.Struct], title: str) -> str:
-    """Return the JSON Schema (2020-12) of a type.
-
-    Parameters
-    ----------
-    kind : type
-        What the JSON holds.
-    title : str
-        Title of the schema.
-    """
+    """Return the JSON Schema (2020-12) of a type."""
     schema = msgspec.json.schema(kind)
     body = schema["$defs"].pop(kind.__name__)
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", **body, "title": title}
