@@ -133,10 +133,9 @@ def load_source(recording: Path, cards: Cards, choices: Choices, baseline: Path 
         if recording.is_dir():
             return TrialSource(name, b"", cards, choices, rest, _bag(recording))
         _refuse_large(recording, recording.stat().st_size)
-        data = recording.read_bytes()
+        return TrialSource(name, recording.read_bytes(), cards, choices, rest)
     except OSError as error:
         raise unreadable(error.filename, error) from error
-    return TrialSource(name, data, cards, choices, rest)
 
 
 def _bag(folder: Path) -> tuple[tuple[str, bytes], ...]:
