@@ -18,7 +18,6 @@ CRITERION = (
     "A difference counts as larger than its uncertainty when it exceeds the root of the sum of squares of the two 95 % "
     "half-widths that face each other (never narrower than Welch's interval)."
 )
-"""How differences are judged, for tables and pages."""
 
 
 class ComparisonError(AnalysisError):
@@ -30,11 +29,9 @@ class ComparedSource:
     """One submission or result, as far as comparing needs it."""
 
     name: str
-    """How to call it."""
     rules: tuple[tuple[str, str], ...]
     """What decides the number: card, score version, conventions; (name, value)."""
     trials: tuple[TrialFigure, ...]
-    """Its trials."""
     note: str = ""
     """What a reader has to know about it, e.g. that it is incomplete."""
 
@@ -143,9 +140,8 @@ def _difference(more: SummaryRow, more_deg: float, less: SummaryRow, less_deg: f
     uncertainty = None
     if more.interval_deg is not None and less.interval_deg is not None:
         low_deg, high_deg = more.interval_deg
-        below_deg = max(
-            more_deg - low_deg, high_deg - more_deg
-        )  # one that was cut at 0 is no narrower below than above
+        # One that was cut at 0 is as wide below as above, or wider.
+        below_deg = max(more_deg - low_deg, high_deg - more_deg)
         uncertainty = math.hypot(below_deg, less.interval_deg[1] - less_deg)
     return Difference(more.object, more.motion, more.hand, less.hand, more_deg - less_deg, uncertainty)
 

@@ -108,6 +108,8 @@ def drift_figure(result: Result) -> style.PaperFigure:
     ax = figure.subplots()
     if len(quats):
         vectors = np.degrees(rotations.log(rotations.difference(quats, quats[0])))
+        # The plane of the two largest axes of the path; each axis with its largest part positive, so that no sign is
+        # left to the processor.
         values, axes = np.linalg.eigh(vectors.T @ vectors)
         plane = axes[:, np.argsort(values)[::-1][:2]]
         plane = plane * np.where(plane[np.abs(plane).argmax(axis=0), [0, 1]] < 0, -1.0, 1.0)
@@ -142,15 +144,12 @@ class SensitivityRow:
     """One line of the sensitivity figure: a number, or a range."""
 
     label: str
-    """What was done differently."""
     value: float | None
     """θ̄ in degrees; None where only a range makes sense."""
     low: float
-    """Lower end, deg."""
+    """Ends of the range, or the number itself, deg."""
     high: float
-    """Upper end, deg."""
     is_score: bool = False
-    """Whether this is θ̄ itself."""
 
 
 def sensitivity(result: Result) -> list[SensitivityRow]:

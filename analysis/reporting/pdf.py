@@ -33,7 +33,7 @@ _N_PAGES = "\0{nb}\0"
 _LINE_MM = 1.32 * 25.4 / 72
 """Height of a line over the size of its letters, mm per point."""
 _MADE = datetime(1980, 1, 1, tzinfo=UTC)
-"""When the file says it was made, as the entries of the zip: the same report is the same bytes, whenever it is made."""
+"""The file's date of creation, as of the zip's entries: the same report is the same bytes, whenever it is made."""
 
 
 def report_pdf(

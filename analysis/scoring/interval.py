@@ -37,7 +37,6 @@ class DriftInterval:
     n_steps: int
     """Number of steps m."""
     level: float
-    """Confidence level."""
     low_deg: float
     """Lower end, ≥ 0; 0 when "no drift" cannot be excluded."""
     high_deg: float

@@ -53,7 +53,6 @@ class Result(Part, frozen=True, kw_only=True):
     """Everything about one trial. θ̄ and what follows from it are None unless ``valid``."""
 
     format: int
-    """:data:`RESULT_FORMAT`."""
     theta_bar_deg: float | None
     """θ̄ by the card."""
     axis: Vector | None
@@ -87,7 +86,6 @@ class Result(Part, frozen=True, kw_only=True):
     recording: Source
     settings: Settings
     excluded_cycles: tuple[ExcludedCycle, ...] = ()
-    """Cycles a person left out."""
     as_published: PublishedDrift | None = None
     """The authors' figure, where asked for."""
 

@@ -1,6 +1,6 @@
 """From a recording to the result: cycles, score, trust.
 
-:func:`score_series` is what every command calls, for files, recordings and live trials alike.
+:func:`score_series` is what every command calls, for files, recordings and live trials.
 """
 
 from __future__ import annotations
@@ -40,8 +40,6 @@ from analysis.series import FloatArray, OrientationSeries, SeriesError
 
 MIN_CYCLES = 3
 """Fewer cycles are refused. A cycle runs from one end point to the next: 3 cycles are 4 end points and 3 steps."""
-MAX_GAP = 0.05
-"""A chosen time between samples further apart than this is refused, periods: interpolating was wrong by up to 1.66°."""
 _GRASP_RELEASE_NAME = re.compile(r"(?:^|_)GR(?:_|\.|$)")
 _GRASP_RELEASE = "grasp-and-release trial (the object is let go and taken up again): no drift can be claimed"
 
@@ -159,6 +157,7 @@ def _searched(
     """Return the end points that the search finds, in the whole recording or in a window."""
     own = None if window is None else _own_time(series, window)
     automatic = None if own is None else find_cycles(series)
+    # Where the extreme must not change, the window's end points are those like the whole recording's.
     like_s = [point.time_s for point in automatic.endpoints] if same_extreme and automatic is not None else []
     cycles = find_cycles(series, window=own, like_s=like_s)
     points = _scored(cycles.endpoints, series)
@@ -189,7 +188,7 @@ def _searched(
 def _edited(series: OrientationSeries, choice: EndpointChoice) -> _Selection:
     """Return the end points that a person chose, and those of the search beside them."""
     cycles = find_cycles(series)
-    points = _chosen(series, choice)
+    points = _chosen(series, choice, cycles.settings.max_gap)
     warnings = [f"the automatic search would not score this: {reason}" for reason in cycles.reasons]
     warnings += [warning for warning in cycles.warnings if warning not in warnings]
     if _named_grasp_release(series):
@@ -219,6 +218,7 @@ def _exclude(
     """Return end points with those of excluded cycles flagged, these cycles with their steps, and warnings."""
     flagged, found, warnings = list(points), {}, []
     for item in excluded:
+        # A person left it out while it was live: its ends have moved a little since, its middle still names it.
         middle_s = 0.5 * (item.from_s + item.to_s)
         step = next((k for k, (a, b) in enumerate(pairwise(points)) if a.time_s <= middle_s < b.time_s), None)
         if step is None:
@@ -253,7 +253,7 @@ def _at(series: OrientationSeries, value_s: float) -> float:
     return value_s if value_s > series.duration_s and value_s >= first else first + value_s
 
 
-def _chosen(series: OrientationSeries, choice: EndpointChoice) -> tuple[ScoredEndpoint, ...]:
+def _chosen(series: OrientationSeries, choice: EndpointChoice, max_gap: float) -> tuple[ScoredEndpoint, ...]:
     if choice.kind != "time_s":
         if choice.kind not in ("index", series.index_kind):
             raise SeriesError(f"this recording names its samples by {series.index_kind}, not by {choice.kind}")
@@ -263,8 +263,9 @@ def _chosen(series: OrientationSeries, choice: EndpointChoice) -> tuple[ScoredEn
             for k, sample in enumerate(samples)
         )
     points = []
+    # A time between samples further apart is refused: interpolating there was wrong by up to 1.66°.
     usual_s = float(np.median(np.diff(choice.values))) if len(choice.values) > 1 else float("inf")
-    widest_s = max(MAX_GAP * usual_s, 3.0 * series.interval_s)
+    widest_s = max(max_gap * usual_s, 3.0 * series.interval_s)
     for k, value in enumerate(choice.values):
         time_s = _at(series, value)
         if not series.times_s[0] <= time_s <= series.times_s[-1]:
@@ -322,7 +323,7 @@ def _cycle_search(found: CycleAnalysis) -> CycleSearch:
         likeness=known(found.likeness),
         irregularity=known(found.irregularity),
         active_s=found.active_s,
-        runs=tuple(_run(run) for run in found.runs),
+        runs=tuple(map(_run, found.runs)),
     )
 
 

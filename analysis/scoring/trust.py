@@ -1,4 +1,4 @@
-"""What stands beside θ̄ in a result, and the sentences that say when to distrust it."""
+"""What stands beside θ̄ in a result, and the warnings when to distrust it."""
 
 from __future__ import annotations
 

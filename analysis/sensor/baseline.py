@@ -37,9 +37,7 @@ class AllanPoint:
     """Allan deviation of the heading rate at one averaging time, all axes together."""
 
     tau_s: float
-    """Averaging time, s."""
     deviation_deg_per_min: float
-    """deg/min."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +53,7 @@ class StaticBaseline:
     walk_deg_per_sqrt_s: float
     """Random walk, root mean square after one second; 0 where the rest was too short to see it."""
     duration_s: float
-    """Length of the rest."""
     n_samples: int
-    """Samples it was made of."""
     allan: tuple[AllanPoint, ...] = ()
     """Empty where the rest was shorter than ``MIN_ALLAN_S``."""
     temperature_c: tuple[float, float] | None = None
@@ -65,7 +61,6 @@ class StaticBaseline:
     source: str = ""
     """What it was measured from."""
     notes: tuple[str, ...] = ()
-    """What to keep in mind."""
 
     @property
     def total_rate_deg_per_min(self) -> float:

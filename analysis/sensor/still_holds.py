@@ -11,7 +11,7 @@ from analysis.geometry import rotations
 from analysis.series import FloatArray, IntArray, OrientationSeries
 
 MIN_HOLD_S = 3.0
-"""A shorter rest is no measure of degrees per minute."""
+"""A shorter rest is too short to measure degrees per minute."""
 MAX_SPEED_DEG_S = 0.5
 """Faster than this over half a second is motion, unless the noise alone explains it: 6 deg/min is 0.1 deg/s."""
 _BLOCK_S = 0.5

@@ -35,7 +35,6 @@ class ScoredRecording:
     """A recording and its score."""
 
     series: OrientationSeries
-    """The samples."""
     result: Result
     """The score, with the path of the file left out: the same file anywhere has the same result."""
     info: Info | None = None

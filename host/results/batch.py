@@ -31,7 +31,6 @@ class BatchRow:
     result: Result | None
     """None where the file could not be scored."""
     error: str | None
-    """Why not, in one sentence."""
     exit_code: int
     """As if the file had been scored alone: 0, 1 (not valid), 2 or 4."""
 

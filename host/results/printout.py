@@ -100,7 +100,7 @@ def _motion(result: Result) -> Iterator[str]:
         yield f"swing {cycles.swing_deg:.1f}°"
         yield f"{cycles.axis_share or 0.0:.0%} of it about one axis"
     if cycles.humps > 1:
-        yield f"{cycles.humps} humps a cycle"
+        yield f"{cycles.humps} peaks a cycle"
 
 
 def _number(n: int, what: str) -> str:

@@ -37,7 +37,6 @@ class ScoreOptions:
     window: Window | None = None
     """None lets the search decide."""
     endpoints: EndpointChoice | None = None
-    """End points chosen by hand."""
     baseline: Path | None = None
     """File of the sensor's static baseline."""
     as_published: bool = False

@@ -46,9 +46,9 @@ class BuiltSubmission:
     files: dict[str, bytes]
     """Every file but the manifest, by name."""
     submission: Submission
-    """What ``submission.json`` says."""
+    """``submission.json``."""
     notes: tuple[str, ...]
-    """What to tell the person: fields filled in, contradictions, formats left out."""
+    """For the person: fields filled in, contradictions, formats left out."""
 
 
 def build_submission(

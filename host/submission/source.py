@@ -70,15 +70,12 @@ class TrialSource:
     """One trial before anything is computed."""
 
     file_name: str
-    """Bare name of the recording."""
     data: bytes
     """The recording; empty where it is a folder."""
     cards: Cards
     """As read from the card files, before the object fills them."""
     choices: Choices = Choices()
-    """What a person chose."""
     baseline: bytes | None = None
-    """File of the static baseline."""
     folder: tuple[tuple[str, bytes], ...] = ()
     """A ROS 2 bag is a folder: name and content of each file in it, sorted; empty for a single file."""
 

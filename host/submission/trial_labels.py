@@ -30,7 +30,7 @@ def trial_labels(cards: Sequence[Cards], files: Sequence[str]) -> list[tuple[str
     rows = [
         {table.title: {row.label: row.value for row in table.rows} for table in card_tables(card)} for card in cards
     ]
-    everywhere = ["" for _ in cards]
+    everywhere = [""] * len(cards)
     objects = _apart([object_name(card) for card in cards], everywhere, [row["Object"] for row in rows], OBJECT_LABELS)
     motions = [
         motion_name(card) if card.trial.motion else f"{motion_name(card)} ({file})"

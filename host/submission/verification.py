@@ -31,17 +31,14 @@ class Verification:
     digest: str
     """SHA-256 of the manifest: names the whole submission."""
     n_files: int
-    """Files in the bundle."""
     n_trials: int
-    """Trials in it."""
     altered: tuple[str, ...]
     """What does not fit the manifest."""
     differences: tuple[str, ...]
     """What comes out otherwise when made again, and by how much."""
     notes: tuple[str, ...] = ()
-    """Versions that differ."""
     uncompared: Mapping[str, str] = field(default_factory=dict)
-    """Files that could not be compared, with the reason; ``equal`` says nothing of them."""
+    """Files that could not be compared, with the reason; ``equal`` does not cover them."""
 
     @property
     def equal(self) -> bool:
