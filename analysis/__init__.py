@@ -37,10 +37,6 @@ def load(path: str | Path, *, columns: str | None = None, rate_hz: float | None 
     rate_hz : float, optional
         Sampling rate where the file has no time stamps.
 
-    Returns
-    -------
-    OrientationSeries
-
     Raises
     ------
     ReaderError
@@ -54,17 +50,8 @@ def load(path: str | Path, *, columns: str | None = None, rate_hz: float | None 
 def score(series: OrientationSeries, *, window: tuple[float | None, float | None] | None = None) -> Result:
     """Score a recording by the benchmark card; see :func:`analysis.scoring.trial.score_series` for every option.
 
-    Parameters
-    ----------
-    series : OrientationSeries
-        The recording.
-    window : (float or None, float or None), optional
-        (from, to) in s; None finds the cycles by itself.
-
-    Returns
-    -------
-    Result
-        ``valid`` is False, with the reasons, where no drift can be claimed.
+    ``window`` is (from, to) in s; without one the search finds the cycles by itself. Where no drift can be claimed,
+    ``valid`` of the result is False, and its ``reasons`` name why.
     """
     from analysis.scoring.trial import score_series
 
@@ -74,31 +61,17 @@ def score(series: OrientationSeries, *, window: tuple[float | None, float | None
 def plot(result: Result, series: OrientationSeries, name: str = "rotation_cloud") -> PaperFigure:
     """Draw a figure of a scored recording; a notebook shows it, ``figure.savefig`` writes it.
 
-    Parameters
-    ----------
-    result : Result
-        From :func:`score`.
-    series : OrientationSeries
-        From :func:`load`.
-    name : str, optional
-        One of ``rotation_cloud``, ``sphere``, ``translation_cloud``, ``rotation``, ``steps``, ``drift``,
-        ``sensitivity``, ``link``.
-
-    Returns
-    -------
-    PaperFigure
-        A ``matplotlib.figure.Figure``.
+    ``name`` is one of ``rotation_cloud``, ``sphere``, ``translation_cloud``, ``rotation``, ``steps``, ``drift``,
+    ``sensitivity``, ``link``.
 
     Raises
     ------
     ValueError
         Another name, or nothing to show in it.
     """
-    from analysis.reporting import style as figure_style
     from analysis.reporting.figure_set import make_figure
 
-    with figure_style.style():
-        figure = make_figure(series, result, name)
+    figure = make_figure(series, result, name)
     if figure is None:
         raise ValueError(f"this result has nothing to show in the figure {name!r}")
     return figure

@@ -115,11 +115,9 @@ class VerdictSettings:
 
 @dataclass(frozen=True)
 class CycleSettings(VerdictSettings, EndpointSettings, AxisSettings, PeriodSettings, MotionSettings):
-    """Numbers the search works with, one class a step; the same for every recording.
+    """Numbers the search works with; the same for every recording. Lengths of time are shares of the period."""
 
-    Lengths of time are shares of the period. Results hold them as one flat list, in the order of the steps, which is
-    that of the base classes from the last to the first.
-    """
+    # Results hold them as one flat list, in the order of the steps: the base classes from the last to the first.
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,4 @@
-"""Results for people and for other laboratories: figures, report, submission, comparison.
+"""Results for people and for other laboratories: figures, report, comparison.
 
-The only place that knows matplotlib, jinja2 and plotly. It works on results and on the series they came
-from; it reads no cards and no links.
+The only place that knows matplotlib, jinja2 and fpdf2; it works on results and on the series they came from.
 """

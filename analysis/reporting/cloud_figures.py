@@ -7,24 +7,24 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from analysis.reporting import style as look
+from analysis.reporting import style
 from analysis.reporting.clouds import BODY_AXES, Clouds
 from analysis.reporting.point_numbers import draw_numbers
 from analysis.series import FloatArray
 
 
-def sphere_figure(clouds: Clouds) -> look.PaperFigure:
+def sphere_figure(clouds: Clouds) -> style.PaperFigure:
     """Draw where the object's three axes point, on the unit sphere; below, their end points alone, numbered."""
     n = clouds.endpoint_axes.shape[1]
-    figure = look.new_figure(3.9 if n else 2.6, layout="none")
+    figure = style.new_figure(3.9 if n else 2.6, layout="none")
     ax: Any = figure.add_axes(
         (0.0, 0.35, 1.0, 0.64) if n else (0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False
     )
     _sphere(ax)
     for number, name in enumerate(BODY_AXES):
-        colour, marker = look.AXIS_COLOURS[number], look.AXIS_MARKERS[number]
+        colour, marker = style.AXIS_COLOURS[number], style.AXIS_MARKERS[number]
         cloud, points = clouds.axes[number], clouds.endpoint_axes[number]
-        ax.scatter(*cloud[~clouds.scored].T, s=1, color=look.LIGHT, lw=0, rasterized=True, depthshade=False)
+        ax.scatter(*cloud[~clouds.scored].T, s=1, color=style.LIGHT, lw=0, rasterized=True, depthshade=False)
         ax.scatter(*cloud[clouds.scored].T, s=1.5, color=colour, lw=0, alpha=0.45, rasterized=True, depthshade=False)
         if n:
             ax.scatter(*points.T, s=16, marker=marker, facecolor=colour, edgecolor="black", lw=0.4, depthshade=False)
@@ -38,26 +38,26 @@ def sphere_figure(clouds: Clouds) -> look.PaperFigure:
     ax.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
     ax.set_axis_off()
     for name, tip in zip("XYZ", np.eye(3), strict=True):
-        ax.plot(*np.stack((tip, 1.15 * tip)).T, color=look.GREY, lw=0.8)
-        ax.text(*(1.3 * tip), name, fontsize=6, color=look.GREY, ha="center", va="center")
+        ax.plot(*np.stack((tip, 1.15 * tip)).T, color=style.GREY, lw=0.8)
+        ax.text(*(1.3 * tip), name, fontsize=6, color=style.GREY, ha="center", va="center")
     _look_at_the_axes(ax, clouds)
     figure.text(0.03, 0.985, "axes of the object: x, y, z", va="top", fontsize=7.5, weight="bold")
-    figure.text(0.97, 0.985, "X, Y, Z: world", va="top", ha="right", fontsize=6.5, color=look.GREY)
+    figure.text(0.97, 0.985, "X, Y, Z: world", va="top", ha="right", fontsize=6.5, color=style.GREY)
     if n:
         _tips(figure, clouds)
     return figure
 
 
-def _tips(figure: look.PaperFigure, clouds: Clouds) -> None:
-    """Beside each other the end points of the three axes alone: the sphere seen from outside, all on one scale."""
+def _tips(figure: style.PaperFigure, clouds: Clouds) -> None:
+    """Draw the end points of the three axes alone beside each other: seen from outside the sphere, on one scale."""
     figure.text(0.03, 0.345, "the end points alone, enlarged and numbered (°)", va="top", fontsize=7.5, weight="bold")
     panels = [_flattened(points) for points in clouds.endpoint_axes]
     half = max(0.72 * max(float(np.ptp(flat, axis=0).max()) for flat in panels), 1e-3)
     for number, flat in enumerate(panels):
-        ax: Any = figure.add_axes((0.085 + 0.315 * number, 0.05, 0.25, 0.25 * look.COLUMN_IN / 3.9))
-        colour = look.AXIS_COLOURS[number]
-        ax.plot(flat[:, 0], flat[:, 1], color=look.GREY, lw=0.5)
-        ax.plot(flat[:, 0], flat[:, 1], look.AXIS_MARKERS[number], color=colour, ms=2.6, mec="black", mew=0.3)
+        ax: Any = figure.add_axes((0.085 + 0.315 * number, 0.05, 0.25, 0.25 * style.COLUMN_IN / 3.9))
+        colour = style.AXIS_COLOURS[number]
+        ax.plot(flat[:, 0], flat[:, 1], color=style.GREY, lw=0.5)
+        ax.plot(flat[:, 0], flat[:, 1], style.AXIS_MARKERS[number], color=colour, ms=2.6, mec="black", mew=0.3)
         middle = 0.5 * (flat.max(axis=0) + flat.min(axis=0))
         ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
         draw_numbers(ax, flat, 5.5)
@@ -68,7 +68,7 @@ def _tips(figure: look.PaperFigure, clouds: Clouds) -> None:
 
 
 def _flattened(points: FloatArray) -> FloatArray:
-    """(n, 2) points of the unit sphere in deg from their middle, to the right and up as seen from outside."""
+    """Return (n, 2) points of the unit sphere in deg from their middle, to the right and up as seen from outside."""
     middle = points.mean(axis=0)
     middle = middle / max(float(np.linalg.norm(middle)), 1e-9)
     right = np.cross((0.0, 0.0, 1.0) if abs(middle[2]) < 0.9 else (0.0, 1.0, 0.0), middle)
@@ -77,14 +77,14 @@ def _flattened(points: FloatArray) -> FloatArray:
     return flat
 
 
-def rotation_cloud_figure(clouds: Clouds) -> look.PaperFigure:
+def rotation_cloud_figure(clouds: Clouds) -> style.PaperFigure:
     """Draw the rotation-vector cloud in degrees, and beside it the end points alone, enlarged and numbered."""
     return _cloud_figure(
         clouds, clouds.rotvecs_deg, clouds.endpoint_rotvecs_deg, ("rx", "ry", "rz"), "°", "rotation from end point 1"
     )
 
 
-def translation_cloud_figure(clouds: Clouds) -> look.PaperFigure | None:
+def translation_cloud_figure(clouds: Clouds) -> style.PaperFigure | None:
     """Draw the positions in mm in the same way; None where the recording has none."""
     if clouds.positions_mm is None or clouds.endpoint_positions_mm is None:
         return None
@@ -95,24 +95,25 @@ def translation_cloud_figure(clouds: Clouds) -> look.PaperFigure | None:
 
 def _cloud_figure(
     clouds: Clouds, cloud: FloatArray, points: FloatArray, names: tuple[str, str, str], unit: str, what: str
-) -> look.PaperFigure:
-    figure = look.new_figure(5.0, layout="none")
+) -> style.PaperFigure:
+    figure = style.new_figure(5.0, layout="none")
     figure.text(0.03, 0.985, f"{what}, world frame", va="top", fontsize=7.5, weight="bold")
     figure.text(0.03, 0.455, "the end points alone, enlarged and numbered", va="top", fontsize=7.5, weight="bold")
     whole: Any = figure.add_axes((0.0, 0.455, 0.93, 0.5), projection="3d", computed_zorder=False)
     near: Any = figure.add_axes((0.0, 0.0, 0.93, 0.455), projection="3d", computed_zorder=False)
-    view = _view(points)
+    elevation, azimuth = _view(points)
     for ax, values in ((whole, np.concatenate((cloud, points))), (near, points if len(points) else np.zeros((1, 3)))):
-        _frame(ax, values, names, unit, view)
-    whole.scatter(*cloud[~clouds.scored].T, s=1, color=look.LIGHT, lw=0, rasterized=True, depthshade=False)
-    whole.scatter(*cloud[clouds.scored].T, s=1.5, color=look.BLUE, lw=0, alpha=0.5, rasterized=True, depthshade=False)
-    whole.plot([], [], "o", ms=3, color=look.BLUE, label="samples, first to last end point")
-    whole.plot([], [], "o", ms=3, color=look.LIGHT, label="samples before and after")
+        _frame(ax, values, names, unit)
+        ax.view_init(elev=elevation, azim=azimuth)
+    whole.scatter(*cloud[~clouds.scored].T, s=1, color=style.LIGHT, lw=0, rasterized=True, depthshade=False)
+    whole.scatter(*cloud[clouds.scored].T, s=1.5, color=style.BLUE, lw=0, alpha=0.5, rasterized=True, depthshade=False)
+    whole.plot([], [], "o", ms=3, color=style.BLUE, label="samples, first to last end point")
+    whole.plot([], [], "o", ms=3, color=style.LIGHT, label="samples before and after")
     if len(points):
         whole.scatter(
-            *points.T, s=16, facecolor=look.VERMILION, edgecolor="black", lw=0.5, depthshade=False, label="end points"
+            *points.T, s=16, facecolor=style.VERMILION, edgecolor="black", lw=0.5, depthshade=False, label="end points"
         )
-        near.plot(*points.T, color=look.GREY, lw=0.7)
+        near.plot(*points.T, color=style.GREY, lw=0.7)
         near.scatter(
             *points.T, s=14, c=np.arange(len(points)), cmap="viridis", edgecolor="black", lw=0.4, depthshade=False
         )
@@ -123,11 +124,8 @@ def _cloud_figure(
     return figure
 
 
-_VIEWS = tuple((22.0, azimuth) for azimuth in (-52.0, -128.0, 38.0, 142.0))
-
-
 def _view(points: FloatArray) -> tuple[float, float]:
-    """Elevation and azimuth, of a few, from which the path of the end points looks longest: they are apart there."""
+    """Return elevation and azimuth, of a few, from which the path of the end points looks longest, so most apart."""
 
     def length(view: tuple[float, float]) -> float:
         elevation, azimuth = np.radians(view)
@@ -135,24 +133,18 @@ def _view(points: FloatArray) -> tuple[float, float]:
         up = (-np.sin(elevation) * np.cos(azimuth), -np.sin(elevation) * np.sin(azimuth), np.cos(elevation))
         return round(float(np.linalg.norm(np.diff(points @ np.stack((right, up), axis=1), axis=0), axis=1).sum()), 6)
 
-    return max(_VIEWS, key=length)
+    return max(((22.0, azimuth) for azimuth in (-52.0, -128.0, 38.0, 142.0)), key=length)
 
 
 def _projected(ax: Any, points: FloatArray) -> FloatArray:  # noqa: ANN401 - mplot3d
-    """(n, 2) where points of 3-D axes lie in the plane of the picture."""
+    """Return where points of 3-D axes lie in the plane of the picture, (n, 2)."""
     ax.apply_aspect()
     seen: FloatArray = np.column_stack((points, np.ones(len(points)))) @ ax.get_proj().T
     return seen[:, :2] / seen[:, 3:]
 
 
-def _frame(  # mplot3d has no types
-    ax: Any,  # noqa: ANN401
-    values: FloatArray,
-    names: tuple[str, str, str],
-    unit: str,
-    view: tuple[float, float],
-) -> None:
-    """Equal scales on all three axes, labels with units, no grey panes."""
+def _frame(ax: Any, values: FloatArray, names: tuple[str, str, str], unit: str) -> None:  # noqa: ANN401 - mplot3d
+    """Set equal scales on all three axes, labels with units, no grey panes."""
     middle = 0.5 * (values.max(axis=0) + values.min(axis=0))
     half = max(0.55 * float(np.ptp(values, axis=0).max()), 1e-6)
     for set_limits, centre in zip((ax.set_xlim, ax.set_ylim, ax.set_zlim), middle, strict=True):
@@ -164,11 +156,10 @@ def _frame(  # mplot3d has no types
     ax.zaxis.label.set_rotation(90)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.pane.set_facecolor("white")
-        axis.pane.set_edgecolor(look.LIGHT)
+        axis.pane.set_edgecolor(style.LIGHT)
         axis.get_major_locator().set_params(nbins=5)
     ax.tick_params(pad=-3, labelsize=6)
     ax.grid(visible=True)
-    ax.view_init(elev=view[0], azim=view[1])
 
 
 def _look_at_the_axes(ax: Any, clouds: Clouds) -> None:  # noqa: ANN401 - mplot3d
@@ -180,12 +171,11 @@ def _look_at_the_axes(ax: Any, clouds: Clouds) -> None:  # noqa: ANN401 - mplot3
 
 
 def _sphere(ax: Any) -> None:  # noqa: ANN401 - mplot3d
-    """Circles of latitude and longitude, light, so that the clouds stand out."""
+    """Draw circles of latitude and longitude, light, so that the clouds stand out."""
     turn = np.linspace(0, 2 * np.pi, 73)
+    circle, light = (np.cos(turn), np.sin(turn)), {"color": "#E4E4E4", "lw": 0.4}
     for latitude in np.radians((-60, -30, 0, 30, 60)):
         ring = np.cos(latitude)
-        ax.plot(ring * np.cos(turn), ring * np.sin(turn), np.full_like(turn, np.sin(latitude)), color="#E4E4E4", lw=0.4)
+        ax.plot(ring * circle[0], ring * circle[1], np.full_like(turn, np.sin(latitude)), **light)
     for longitude in np.radians(range(0, 180, 30)):
-        ax.plot(
-            np.cos(turn) * np.cos(longitude), np.cos(turn) * np.sin(longitude), np.sin(turn), color="#E4E4E4", lw=0.4
-        )
+        ax.plot(circle[0] * np.cos(longitude), circle[0] * np.sin(longitude), circle[1], **light)

@@ -12,8 +12,7 @@ from analysis.scoring.result import Result
 from analysis.series import FloatArray, OrientationSeries
 
 MAX_CLOUD_POINTS = 3000
-"""A cloud is thinned evenly to this many points: more cannot be distinguished in print, and a report stays small."""
-
+"""More cannot be distinguished in print, and a report stays small."""
 BODY_AXES = ("x", "y", "z")
 
 
@@ -31,8 +30,6 @@ class Clouds:
     """(3, m, 3) the object's x, y and z axis in the world frame: points on the unit sphere."""
     positions_mm: FloatArray | None
     """(m, 3) position from that of the first end point, world frame, mm."""
-    endpoint_times_s: FloatArray
-    """(n,) since the first sample, s."""
     endpoint_rotvecs_deg: FloatArray
     """(n, 3) as ``rotvecs_deg``."""
     endpoint_axes: FloatArray
@@ -42,21 +39,7 @@ class Clouds:
 
 
 def clouds_of(series: OrientationSeries, result: Result, max_points: int = MAX_CLOUD_POINTS) -> Clouds:
-    """Return the clouds of a scored recording.
-
-    Parameters
-    ----------
-    series : OrientationSeries
-        The recording.
-    result : Result
-        Its score.
-    max_points : int, optional
-        Samples beyond this number are thinned evenly.
-
-    Returns
-    -------
-    Clouds
-    """
+    """Return the clouds of a scored recording; more than ``max_points`` samples are thinned evenly."""
     times_s, quats = result.endpoint_times_s, result.endpoint_quats_wxyz
     step = max(1, -(-len(series) // max_points))
     rows = np.arange(0, len(series), step)
@@ -80,7 +63,6 @@ def clouds_of(series: OrientationSeries, result: Result, max_points: int = MAX_C
         rotvecs_deg=vectors[: len(rows)],
         axes=np.stack([rotations.rotate(series.quats_wxyz[rows], axis) for axis in np.eye(3)]),
         positions_mm=positions_mm,
-        endpoint_times_s=times_s - series.times_s[0],
         endpoint_rotvecs_deg=vectors[len(rows) :],
         endpoint_axes=np.stack([rotations.rotate(quats, axis) for axis in np.eye(3)]),
         endpoint_positions_mm=endpoint_positions_mm,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
-from analysis.reporting import style as look
+from analysis.reporting import style
 from analysis.reporting.tables import SummaryRow, TrialFigure, pool
 from analysis.series import AnalysisError
 
@@ -18,7 +18,6 @@ CRITERION = (
     "A difference counts as larger than its uncertainty when it exceeds the root of the sum of squares of the two 95 % "
     "half-widths that face each other (never narrower than Welch's interval)."
 )
-"""How differences are judged, for tables and pages."""
 
 
 class ComparisonError(AnalysisError):
@@ -30,11 +29,9 @@ class ComparedSource:
     """One submission or result, as far as comparing needs it."""
 
     name: str
-    """How to call it."""
     rules: tuple[tuple[str, str], ...]
     """What decides the number: card, score version, conventions; (name, value)."""
     trials: tuple[TrialFigure, ...]
-    """Its trials."""
     note: str = ""
     """What a reader has to know about it, e.g. that it is incomplete."""
 
@@ -79,17 +76,8 @@ class Comparison:
 def compare(sources: Sequence[ComparedSource], *, mix: bool = False) -> Comparison:
     """Return results side by side.
 
-    Parameters
-    ----------
-    sources : sequence of ComparedSource
-        Submissions and results. Repeats are pooled within a source; the same hand in two sources stays two rows, each
-        with the name of its source.
-    mix : bool, optional
-        Whether results made by different rules may stand in one table; the notes then name them.
-
-    Returns
-    -------
-    Comparison
+    Repeats are pooled within a source; the same hand in two sources stays two rows, each with the name of its source.
+    With ``mix`` results made by different rules may stand in one table; the notes then name them.
 
     Raises
     ------
@@ -142,35 +130,24 @@ def _differences(rows: Sequence[SummaryRow]) -> list[Difference]:
                 continue
             if first.theta_bar_mean_deg is None or second.theta_bar_mean_deg is None:
                 continue
-            if first.theta_bar_mean_deg >= second.theta_bar_mean_deg:
-                found.append(_difference(first, first.theta_bar_mean_deg, second, second.theta_bar_mean_deg))
-            else:
-                found.append(_difference(second, second.theta_bar_mean_deg, first, first.theta_bar_mean_deg))
+            means_deg = ((first.theta_bar_mean_deg, first), (second.theta_bar_mean_deg, second))
+            (less_deg, less), (more_deg, more) = sorted(means_deg, key=lambda item: item[0])
+            found.append(_difference(more, more_deg, less, less_deg))
     return found
 
 
 def _difference(more: SummaryRow, more_deg: float, less: SummaryRow, less_deg: float) -> Difference:
     uncertainty = None
     if more.interval_deg is not None and less.interval_deg is not None:
-        uncertainty = math.hypot(_half_below(more_deg, more.interval_deg), less.interval_deg[1] - less_deg)
+        low_deg, high_deg = more.interval_deg
+        # One that was cut at 0 is as wide below as above, or wider.
+        below_deg = max(more_deg - low_deg, high_deg - more_deg)
+        uncertainty = math.hypot(below_deg, less.interval_deg[1] - less_deg)
     return Difference(more.object, more.motion, more.hand, less.hand, more_deg - less_deg, uncertainty)
 
 
-def _half_below(mean_deg: float, ends: tuple[float, float]) -> float:
-    """Return the half-width below a mean: an interval that was cut at 0 is as wide below as above, or wider."""
-    return max(mean_deg - ends[0], ends[1] - mean_deg)
-
-
 def compare_figures(rows: Sequence[SummaryRow], whole: Comparison) -> Comparison:
-    """Return some rows of a comparison, with every difference that has to do with them.
-
-    Parameters
-    ----------
-    rows : sequence of SummaryRow
-        Which.
-    whole : Comparison
-        Where they come from.
-    """
+    """Return some rows of a comparison, with every difference that has to do with them."""
     hands = {(row.object, row.motion, row.hand) for row in rows}
     kept = [
         difference
@@ -191,16 +168,11 @@ def difference_text(difference: Difference) -> str:
     return f"{difference.object}, {difference.motion}: {size}; {verdict}"
 
 
-def forest_figure(rows: Sequence[SummaryRow]) -> look.PaperFigure:
-    """Return a figure: θ̄ of every row with its interval, grouped by object and motion.
-
-    Parameters
-    ----------
-    rows : sequence of SummaryRow
-        In the order of the figure; call inside :func:`analysis.reporting.style.style`.
-    """
+@style.style()
+def forest_figure(rows: Sequence[SummaryRow]) -> style.PaperFigure:
+    """Return a figure: θ̄ of every row with its interval, grouped by object and motion."""
     groups = list(dict.fromkeys((row.object, row.motion) for row in rows))
-    figure = look.new_figure(0.9 + 0.21 * (len(rows) + len(groups)), 6.0)
+    figure = style.new_figure(0.9 + 0.21 * (len(rows) + len(groups)), 6.0)
     ax = figure.subplots()
     y, ticks, labels = 0.0, [], []
     for group in groups:
@@ -216,8 +188,8 @@ def forest_figure(rows: Sequence[SummaryRow]) -> look.PaperFigure:
                 text = "no score"
             else:
                 if row.interval_deg is not None:
-                    ax.plot(row.interval_deg, [y, y], "-", color=look.BLUE, lw=1.8, solid_capstyle="butt")
-                ax.plot(row.theta_bar_mean_deg, y, "s", color=look.VERMILION, ms=4.5, mec="white", mew=0.4)
+                    ax.plot(row.interval_deg, [y, y], "-", color=style.BLUE, lw=1.8, solid_capstyle="butt")
+                ax.plot(row.theta_bar_mean_deg, y, "s", color=style.VERMILION, ms=4.5, mec="white", mew=0.4)
                 ends = "" if row.interval_deg is None else f" ({row.interval_deg[0]:.3f} … {row.interval_deg[1]:.3f})"
                 text = f"{row.theta_bar_mean_deg:.3f}{ends}, n = {row.n_valid}"
             ax.annotate(
@@ -227,7 +199,7 @@ def forest_figure(rows: Sequence[SummaryRow]) -> look.PaperFigure:
     ax.set_yticks(ticks, labels)
     ax.set_ylim(y - 0.4, -0.6)
     ax.set_xlim(left=0.0)
-    ax.grid(axis="x", color=look.LIGHT, lw=0.4)
+    ax.grid(axis="x", color=style.LIGHT, lw=0.4)
     ax.set_axisbelow(True)
     ax.spines["left"].set_visible(False)
     ax.tick_params(axis="y", length=0)
@@ -237,12 +209,11 @@ def forest_figure(rows: Sequence[SummaryRow]) -> look.PaperFigure:
 
 def forest_bytes(rows: Sequence[SummaryRow], kind: str) -> bytes:
     """Return the forest figure as a file of this kind (``png``, ``svg``, ``pdf``), sorted by object, motion, hand."""
-    with look.style():
-        ordered = sorted(rows, key=lambda row: (row.object, row.motion, row.hand))
-        return look.figure_bytes(forest_figure(ordered), kind)
+    ordered = sorted(rows, key=lambda row: (row.object, row.motion, row.hand))
+    return style.figure_bytes(forest_figure(ordered), kind)
 
 
 def _short(text: str, most: int) -> str:
     """Return a long name cut where there is no room: head and end distinguish it from others."""
-    kept = look.drawable(text)
+    kept = style.drawable(text)
     return kept if len(kept) <= most else f"{kept[: most - most // 3 - 1]}…{kept[-(most // 3) :]}"

@@ -1,7 +1,6 @@
 """The flat figures of a trial: rotation over time, steps, drift path, sensitivity, link.
 
-Every function takes the series and its result, and returns a matplotlib figure one paper column wide.
-Make and save them inside :func:`analysis.reporting.style.style`.
+``draw_...`` fills one paper column, a figure of its own or a part of another.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from matplotlib.figure import FigureBase
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from analysis.geometry import rotations
-from analysis.reporting import style as look
+from analysis.reporting import style
 from analysis.reporting.clouds import turn_about_axis
 from analysis.reporting.point_numbers import draw_numbers
 from analysis.scoring.recorded_parts import Losses
@@ -21,48 +20,31 @@ from analysis.scoring.result import Result
 from analysis.scoring.summary import vector_text
 from analysis.series import FloatArray, OrientationSeries
 
-MAX_LINE_POINTS = 6000
-"""A line over time is thinned to its extremes in half as many parts: what a column of print can show."""
 
-
-def summary_figure(series: OrientationSeries, result: Result, title: str) -> look.PaperFigure:
+@style.style()
+def summary_figure(series: OrientationSeries, result: Result, title: str) -> style.PaperFigure:
     """Draw one trial on one page: rotation over time, steps, and how much θ̄ depends on choices.
 
     Without a score there are no steps and nothing that depends on them: rotation over time alone.
-
-    Parameters
-    ----------
-    series : OrientationSeries
-        The recording.
-    result : Result
-        Its score.
-    title : str
-        Above it all, e.g. θ̄ and the name of the file.
     """
-    title_in, upper_in, lower_in = 0.16 * (2 + title.count("\n")), 2.1, max(1.9, _sensitivity_height_in(result))
+    title_in, upper_in, lower_in = 0.16 * (2 + title.count("\n")), 2.1, max(1.9, sensitivity_height_in(result))
     if result.theta_bar_deg is None:
         lower_in = 0.0
-    figure = look.new_figure(title_in + upper_in + lower_in, width_in=2.0 * look.COLUMN_IN)
-    figure.suptitle(look.drawable(title), fontsize=8.5)
+    figure = style.new_figure(title_in + upper_in + lower_in, width_in=2.0 * style.COLUMN_IN)
+    figure.suptitle(style.drawable(title), fontsize=8.5)
     if not lower_in:
-        _draw_rotation(figure.subfigures(1, 1, squeeze=False)[0, 0], series, result)
+        draw_rotation(figure.subfigures(1, 1, squeeze=False)[0, 0], series, result)
         return figure
     upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=[upper_in, lower_in])[:, 0]
     left, right = lower.subfigures(1, 2, squeeze=False)[0]
-    _draw_rotation(upper, series, result)
-    _draw_steps(left, result)
-    _draw_sensitivity(right, result)
+    draw_rotation(upper, series, result)
+    draw_steps(left, result)
+    draw_sensitivity(right, result)
     return figure
 
 
-def rotation_figure(series: OrientationSeries, result: Result) -> look.PaperFigure:
+def draw_rotation(figure: FigureBase, series: OrientationSeries, result: Result) -> None:
     """Draw the angle about the motion axis over time, with window and numbered end points."""
-    figure = look.new_figure(2.1)
-    _draw_rotation(figure, series, result)
-    return figure
-
-
-def _draw_rotation(figure: FigureBase, series: OrientationSeries, result: Result) -> None:
     motion_axis = None if None in result.cycles.axis else np.array(result.cycles.axis, dtype=np.float64)
     angle_deg, axis = turn_about_axis(series, motion_axis)
     times_s = result.endpoint_times_s
@@ -71,77 +53,45 @@ def _draw_rotation(figure: FigureBase, series: OrientationSeries, result: Result
     start_s = float(series.times_s[0])
     ax = figure.subplots()
     if len(times_s):
-        ax.axvspan(
-            times_s[0] - start_s,
-            times_s[-1] - start_s,
-            color=look.LIGHT,
-            alpha=0.45,
-            lw=0,
-            label="first to last end point",
-        )
+        ends_s = times_s[[0, -1]] - start_s
+        ax.axvspan(*ends_s, color=style.LIGHT, alpha=0.45, lw=0, label="first to last end point")
     line_s, line_deg = _thinned(series.times_s - start_s, angle_deg - origin)
-    ax.plot(line_s, line_deg, color=look.BLUE, lw=0.7, label="object")
+    ax.plot(line_s, line_deg, color=style.BLUE, lw=0.7, label="object")
     if len(times_s):
-        ax.plot(
-            times_s - start_s,
-            at_endpoints - origin,
-            "o",
-            ms=3.4,
-            mfc="white",
-            mec=look.VERMILION,
-            mew=1.1,
-            label="end points",
-        )
+        points = np.stack((times_s - start_s, at_endpoints - origin), axis=1)
+        ax.plot(*points.T, "o", ms=3.4, mfc="white", mec=style.VERMILION, mew=1.1, label="end points")
         upper = np.median(at_endpoints) > np.median(angle_deg)
+        away, side = (4, "bottom") if upper else (-4, "top")
         for number in numbers_shown(len(times_s), 12):
             ax.annotate(
-                str(number + 1),
-                (times_s[number] - start_s, at_endpoints[number] - origin),
-                xytext=(0, 4 if upper else -4),
-                textcoords="offset points",
-                ha="center",
-                va="bottom" if upper else "top",
-                fontsize=6,
-                color=look.VERMILION,
-            )
+                str(number + 1), points[number], xytext=(0, away), textcoords="offset points", ha="center", va=side,
+                fontsize=6, color=style.VERMILION,
+            )  # fmt: skip
     ax.margins(x=0.01, y=0.17)
     ax.set_xlabel("time since the first sample (s)")
     ax.set_ylabel("rotation about the\nmotion axis (°)")
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.5)
-    ax.set_title(f"motion axis {vector_text(axis)}, world frame", fontsize=6.5, color=look.GREY, loc="right", pad=2)
+    ax.set_title(f"motion axis {vector_text(axis)}, world frame", fontsize=6.5, color=style.GREY, loc="right", pad=2)
 
 
-def steps_figure(result: Result) -> look.PaperFigure:
+def draw_steps(figure: FigureBase, result: Result) -> None:
     """Draw the step angle of every cycle, with θ̄ and its interval."""
-    figure = look.new_figure(1.9)
-    _draw_steps(figure, result)
-    return figure
-
-
-def _draw_steps(figure: FigureBase, result: Result) -> None:
     ax = figure.subplots()
     steps_deg = np.array(result.steps_deg)
     numbers = np.arange(1, len(steps_deg) + 1)
     flagged = np.array([bool(flags) for flags in result.flags[1 : len(steps_deg) + 1]], dtype=bool)
-    ax.bar(numbers, steps_deg, color=look.SKY, width=0.75, label="step of one cycle", zorder=2)
+    ax.bar(numbers, steps_deg, color=style.SKY, width=0.75, label="step of one cycle", zorder=2)
     if flagged.any():
         ax.bar(
-            numbers[flagged],
-            steps_deg[flagged],
-            color=look.ORANGE,
-            hatch="////",
-            edgecolor="white",
-            lw=0,
-            width=0.75,
-            label="flagged as odd",
-            zorder=3,
-        )
+            numbers[flagged], steps_deg[flagged], width=0.75, zorder=3, label="flagged as odd",
+            color=style.ORANGE, hatch="////", edgecolor="white", lw=0,
+        )  # fmt: skip
     if result.interval_deg is not None:
         low, high = result.interval_deg
-        ax.axhspan(low, high, color=look.VERMILION, alpha=0.18, lw=0, zorder=4, label="95 % interval of θ̄")
+        ax.axhspan(low, high, color=style.VERMILION, alpha=0.18, lw=0, zorder=4, label="95 % interval of θ̄")
     if result.theta_bar_deg is not None:
         ax.axhline(
-            result.theta_bar_deg, color=look.VERMILION, lw=1.2, zorder=5, label=f"θ̄ = {result.theta_bar_deg:.3f}°"
+            result.theta_bar_deg, color=style.VERMILION, lw=1.2, zorder=5, label=f"θ̄ = {result.theta_bar_deg:.3f}°"
         )
     ax.set_xlim(0.4, max(len(numbers), 1) + 0.6)
     ax.set_ylim(bottom=0.0)
@@ -151,28 +101,25 @@ def _draw_steps(figure: FigureBase, result: Result) -> None:
     figure.legend(loc="outside upper center", ncols=2, handlelength=1.5)
 
 
-def drift_figure(result: Result) -> look.PaperFigure:
+def drift_figure(result: Result) -> style.PaperFigure:
     """Draw where the end points wander: numbered, in the plane of the largest drift, deg from the first one."""
     quats = result.endpoint_quats_wxyz
-    figure = look.new_figure(2.1)
+    figure = style.new_figure(2.1)
     ax = figure.subplots()
     if len(quats):
         vectors = np.degrees(rotations.log(rotations.difference(quats, quats[0])))
+        # The plane of the two largest axes of the path; each axis with its largest part positive, so that no sign is
+        # left to the processor.
         values, axes = np.linalg.eigh(vectors.T @ vectors)
         plane = axes[:, np.argsort(values)[::-1][:2]]
         plane = plane * np.where(plane[np.abs(plane).argmax(axis=0), [0, 1]] < 0, -1.0, 1.0)
         flat = vectors @ plane
-        ax.plot(flat[:, 0], flat[:, 1], "-", color=look.GREY, lw=0.7, zorder=2)
+        ax.plot(flat[:, 0], flat[:, 1], "-", color=style.GREY, lw=0.7, zorder=2)
         ax.scatter(
             flat[:, 0], flat[:, 1], s=16, c=np.arange(len(flat)), cmap="viridis", zorder=3, edgecolors="white", lw=0.4
         )
-        ax.annotate(
-            "",
-            flat[-1],
-            flat[0],
-            arrowprops={"arrowstyle": "->", "color": look.VERMILION, "lw": 1.0, "shrinkA": 3, "shrinkB": 3},
-            zorder=1,
-        )
+        arrow = {"arrowstyle": "->", "color": style.VERMILION, "lw": 1.0, "shrinkA": 3, "shrinkB": 3}
+        ax.annotate("", flat[-1], flat[0], arrowprops=arrow, zorder=1)
         shares = np.sort(values)[::-1] / max(float(values.sum()), 1e-300)
         for set_label, column in ((ax.set_xlabel, 0), (ax.set_ylabel, 1)):
             set_label(f"rotation about{' ' if column == 0 else chr(10)}{vector_text(plane[:, column])} (°)")
@@ -181,13 +128,13 @@ def drift_figure(result: Result) -> look.PaperFigure:
             f"arrow: first to last end point, {net:.2f}° in {len(quats) - 1} cycles\n"
             f"{100 * shares[:2].sum():.0f} % of the wandering lies in this plane",
             fontsize=6.5,
-            color=look.GREY,
+            color=style.GREY,
         )
         middle, half = 0.5 * (flat.max(axis=0) + flat.min(axis=0)), 0.6 * max(float(np.ptp(flat, axis=0).max()), 1e-6)
         tall = max(0.65 * float(np.ptp(flat[:, 1])), 0.3 * half)
         ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - tall, middle[1] + tall))
         ax.set_aspect("equal", adjustable="box")
-        look.settle(figure)
+        style.settle(figure)
         draw_numbers(ax, flat)
     return figure
 
@@ -197,15 +144,12 @@ class SensitivityRow:
     """One line of the sensitivity figure: a number, or a range."""
 
     label: str
-    """What was done differently."""
     value: float | None
     """θ̄ in degrees; None where only a range makes sense."""
     low: float
-    """Lower end, deg."""
+    """Ends of the range, or the number itself, deg."""
     high: float
-    """Upper end, deg."""
     is_score: bool = False
-    """Whether this is θ̄ itself."""
 
 
 def sensitivity(result: Result) -> list[SensitivityRow]:
@@ -217,82 +161,70 @@ def sensitivity(result: Result) -> list[SensitivityRow]:
     low, high = result.interval_deg or (theta, theta)
     rows = [
         SensitivityRow("θ̄, as the card says", theta, low, high, is_score=True),
-        _number_row("without the first end point", companions.without_first_deg),
-        _number_row("without the last end point", companions.without_last_deg),
-        _range_row("each cycle left out in turn", companions.leave_one_out_deg),
-        _number_row("at the other extreme", None if other is None else other.theta_bar_deg),
-        _range_row("at any phase of the cycle", None if sweep is None else (sweep.min, sweep.max)),
-        _number_row("slope over all end points", companions.slope_deg_per_cycle),
+        _row("without the first end point", companions.without_first_deg),
+        _row("without the last end point", companions.without_last_deg),
+        _row("each cycle left out in turn", companions.leave_one_out_deg),
+        _row("at the other extreme", None if other is None else other.theta_bar_deg),
+        _row("at any phase of the cycle", None if sweep is None else (sweep.min, sweep.max)),
+        _row("slope over all end points", companions.slope_deg_per_cycle),
     ]
     return [row for row in rows if row is not None]
 
 
-def _number_row(label: str, value: float | None) -> SensitivityRow | None:
-    return None if value is None else SensitivityRow(label, value, value, value)
+def _row(label: str, found: float | tuple[float, float] | None) -> SensitivityRow | None:
+    """Return the row of a number or a range; None where it is not known."""
+    if found is None:
+        return None
+    value, low, high = (None, *found) if isinstance(found, tuple) else (found, found, found)
+    return SensitivityRow(label, value, low, high)
 
 
-def _range_row(label: str, ends: tuple[float, float] | None) -> SensitivityRow | None:
-    return None if ends is None else SensitivityRow(label, None, *ends)
-
-
-def _sensitivity_height_in(result: Result) -> float:
+def sensitivity_height_in(result: Result) -> float:
+    """Return how high a figure the rows need, inches."""
     return 0.55 + 0.2 * max(len(sensitivity(result)), 3)
 
 
-def sensitivity_figure(result: Result) -> look.PaperFigure:
+def draw_sensitivity(figure: FigureBase, result: Result) -> None:
     """Draw θ̄ beside what it would be with other choices: ends left out, each cycle left out, other extreme, phase."""
-    figure = look.new_figure(_sensitivity_height_in(result))
-    _draw_sensitivity(figure, result)
-    return figure
-
-
-def _draw_sensitivity(figure: FigureBase, result: Result) -> None:
     rows = sensitivity(result)
     ax = figure.subplots()
     for place, row in enumerate(rows):
+        colour = style.VERMILION if row.is_score else style.BLUE
         if row.low != row.high:
-            ax.plot([row.low, row.high], [place, place], "|-", color=row_colour(row.is_score), lw=1.6, ms=6)
+            ax.plot([row.low, row.high], [place, place], "|-", color=colour, lw=1.6, ms=6)
         if row.value is not None:
-            ax.plot(row.value, place, "o" if row.is_score else "D", ms=5 if row.is_score else 3.5, mec="white", mew=0.4,
-                    color=row_colour(row.is_score))  # fmt: skip
+            marker, size = ("o", 5) if row.is_score else ("D", 3.5)
+            ax.plot(row.value, place, marker, ms=size, mec="white", mew=0.4, color=colour)
         text = f"{row.value:.3f}" if row.value is not None else f"{row.low:.3f} … {row.high:.3f}"
         ax.annotate(
             text, (1.02, place), xycoords=("axes fraction", "data"), va="center", fontsize=6, annotation_clip=False
         )
     if result.theta_bar_deg is not None:
-        ax.axvline(result.theta_bar_deg, color=look.VERMILION, lw=0.6, ls=":")
+        ax.axvline(result.theta_bar_deg, color=style.VERMILION, lw=0.6, ls=":")
     ax.set_yticks(range(len(rows)), [row.label for row in rows])
     ax.invert_yaxis()
     ax.set_xlim(0.0, 1.06 * max([row.high for row in rows], default=0.0) or 1.0)
     ax.spines["left"].set_visible(False)
     ax.tick_params(axis="y", length=0)
-    ax.grid(axis="x", color=look.LIGHT, lw=0.4)
+    ax.grid(axis="x", color=style.LIGHT, lw=0.4)
     ax.set_axisbelow(True)
     ax.set_xlabel("θ̄ (° per cycle)")
 
 
-def link_figure(series: OrientationSeries, losses: Losses | None = None) -> look.PaperFigure:
-    """Draw the quality of the samples: their distance over time, and where some are missing.
-
-    Parameters
-    ----------
-    series : OrientationSeries
-        The recording.
-    losses : Losses, optional
-        The account of the samples, printed below; None where there was no link.
-    """
-    figure = look.new_figure(1.45 if losses is None else 1.7)
+def link_figure(series: OrientationSeries, losses: Losses | None = None) -> style.PaperFigure:
+    """Draw the quality of the samples: their distance over time, where some are missing, and the link's account."""
+    figure = style.new_figure(1.45 if losses is None else 1.7)
     ax = figure.subplots()
     gaps_ms = np.diff(series.times_s) * 1000.0
     usual_ms = float(np.median(gaps_ms)) if len(gaps_ms) else 1.0
     since_s = series.times_s[1:] - series.times_s[0]
     line_s, line_ms = _thinned(since_s, gaps_ms)
-    ax.plot(line_s, line_ms, "-", color=look.BLUE, lw=0.5)
-    ax.axhline(usual_ms, color=look.GREY, lw=0.5, ls=":")
+    ax.plot(line_s, line_ms, "-", color=style.BLUE, lw=0.5)
+    ax.axhline(usual_ms, color=style.GREY, lw=0.5, ls=":")
     missing = _missing(series, gaps_ms, usual_ms)
     where = missing > 0
     if where.any():
-        ax.plot(since_s[where], gaps_ms[where], "v", color=look.VERMILION, ms=3, label="samples missing before")
+        ax.plot(since_s[where], gaps_ms[where], "v", color=style.VERMILION, ms=3, label="samples missing before")
         ax.legend(loc="upper right", fontsize=6)
     ax.set_yscale("log")
     ax.yaxis.set_major_formatter("{x:g}")
@@ -307,30 +239,25 @@ def link_figure(series: OrientationSeries, losses: Losses | None = None) -> look
     ax.set_title(
         f"{len(series)} samples, {rate:.4g} Hz, {lost} missing ({100 * lost / max(len(series) + lost, 1):.2g} %)",
         fontsize=6.5,
-        color=look.INK,
+        color=style.INK,
         loc="left",
     )
     if losses is not None:
         counts = [(name, getattr(losses, name)) for name in losses.__struct_fields__]
         counted = [f"{name.replace('_', ' ')} {count}" for name, count in counts if type(count) is int]
-        figure.supxlabel(_wrapped(counted, 92), fontsize=6, color=look.GREY)
+        figure.supxlabel(_wrapped(counted, 92), fontsize=6, color=style.GREY)
     return figure
 
 
-def row_colour(is_score: bool) -> str:
-    """Return the colour of the score, or of what stands beside it."""
-    return look.VERMILION if is_score else look.BLUE
-
-
 def _missing(series: OrientationSeries, gaps_ms: FloatArray, usual_ms: float) -> FloatArray:
-    """(m−1,) number of samples missing before each sample but the first."""
+    """Return the (m−1,) number of samples missing before each sample but the first."""
     if series.index_kind == "sequence":
         return np.asarray(np.maximum(np.diff(series.index) - 1, 0), dtype=np.float64)
     return np.maximum(np.round(gaps_ms / usual_ms) - 1.0, 0.0) if usual_ms > 0 else np.zeros(len(gaps_ms))
 
 
-def _thinned(times_s: FloatArray, values: FloatArray, most: int = MAX_LINE_POINTS) -> tuple[FloatArray, FloatArray]:
-    """Return the smallest and the largest value of every part, so that thinning hides no peak."""
+def _thinned(times_s: FloatArray, values: FloatArray, most: int = 6000) -> tuple[FloatArray, FloatArray]:
+    """Return the smallest and the largest value of each of ``most / 2`` parts: thinning hides no peak."""
     if len(times_s) <= most:
         return times_s, values
     starts = np.linspace(0, len(times_s), most // 2, endpoint=False).astype(np.int64)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import jinja2
 from markupsafe import Markup
 
 from analysis.reporting import wording
-from analysis.reporting.comparison import forest_bytes
-from analysis.reporting.figure_set import NamedFigure, draw_figures
+from analysis.reporting.figure_set import NamedFigure
 from analysis.reporting.interactive import plotly_base64, scenes
 from analysis.reporting.tables import COLUMNS, pool
 from analysis.reporting.trial_report import TrialReport
@@ -21,15 +20,16 @@ from analysis.scoring.summary import degrees, interval_text, trust_rows
 TEMPLATES = Path(__file__).parent / "templates"
 
 
-def environment() -> jinja2.Environment:
-    """Return the template environment: everything escaped, a forgotten name is an error."""
-    return jinja2.Environment(
+def page_template(name: str) -> jinja2.Template:
+    """Return a template: everything in it is escaped, a forgotten name is an error, the style sheet is at hand."""
+    environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         keep_trailing_newline=True,
     )
+    return environment.get_template(name, globals={"css": _own("report.css")})
 
 
 def report_html(
@@ -37,10 +37,12 @@ def report_html(
     *,
     title: str,
     version: str,
-    drawn: dict[str, tuple[NamedFigure, ...]] | None = None,
-    forest: dict[str, bytes] | None = None,
+    drawn: Mapping[str, Sequence[NamedFigure]],
+    forest: Mapping[str, bytes],
 ) -> str:
     """Return the report of one or several trials.
+
+    Every text of cards, devices and files stands in the page as text, never as markup.
 
     Parameters
     ----------
@@ -50,34 +52,24 @@ def report_html(
         Title of the page.
     version : str
         Version of rotdrift, for the reader.
-    drawn : dict, optional
-        Figures by trial id with a ``svg`` and a ``png`` of each, where they were drawn already.
-    forest : dict, optional
-        The figure of the whole as ``svg``, where it was drawn already.
-
-    Returns
-    -------
-    The page. Every text of cards, devices and files stands in it as text, never as markup.
+    drawn : mapping
+        Figures by trial id, a ``svg`` and a ``png`` of each.
+    forest : mapping
+        The figure of the whole as ``svg``; not looked at where there is only one trial.
     """
     plotly = plotly_base64()
     pooled = pool([trial.figure for trial in trials])
-    pages = [
-        _trial_values(trial, (drawn or {}).get(trial.id) or draw_figures(trial, ("png", "svg"))) for trial in trials
-    ]
-    template = environment().get_template("report.html")
+    template = page_template("report.html")
     values: dict[str, object] = {
         "title": title,
         "version": version,
-        "pages": pages,
+        "pages": [_trial_values(trial, drawn[trial.id]) for trial in trials],
         "about": wording.ABOUT,
         "pooled": pooled if any(row.n_trials > 1 for row in pooled) else [],
         "pooled_columns": COLUMNS,
         "cycle_columns": wording.CYCLE_COLUMNS,
-        "forest": _data_uri("image/svg+xml", (forest or {}).get("svg") or forest_bytes(pooled, "svg"))
-        if len(trials) > 1
-        else "",
+        "forest": data_uri("image/svg+xml", forest["svg"]) if len(trials) > 1 else "",
         "incomplete": wording.missing_lines(trials),
-        "css": _own("report.css"),
         "js": _own("report.js"),
         "plotly": Markup(plotly),  # noqa: S704 - base64, from our own package
     }
@@ -105,14 +97,15 @@ def _trial_values(trial: TrialReport, figures: Sequence[NamedFigure]) -> dict[st
         "trust": trust_rows(trial.result),
         "scenes": found,
         "scenes_json": _json_in_html(found),
-        "still": _data_uri("image/png", figures[0].files["png"]),
-        "figures": [(figure.caption, _data_uri("image/svg+xml", figure.files["svg"])) for figure in figures],
+        "still": data_uri("image/png", figures[0].files["png"]),
+        "figures": [(figure.caption, data_uri("image/svg+xml", figure.files["svg"])) for figure in figures],
         "methods": wording.methods_text(trial),
         "cycles": wording.cycle_rows(trial),
     }
 
 
-def _data_uri(kind: str, content: bytes) -> str:
+def data_uri(kind: str, content: bytes) -> str:
+    """Return a file as an address that holds all of it."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 

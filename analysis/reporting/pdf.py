@@ -15,8 +15,7 @@ from fpdf import FPDF
 from fpdf.fonts import FontFace, TTFFont
 
 from analysis.reporting import style, wording
-from analysis.reporting.comparison import forest_bytes
-from analysis.reporting.figure_set import NamedFigure, draw_figures
+from analysis.reporting.figure_set import NamedFigure
 from analysis.reporting.tables import COLUMNS, pool
 from analysis.reporting.trial_report import CardTable, TrialReport
 from analysis.scoring.summary import degrees, interval_text, trust_rows
@@ -34,7 +33,7 @@ _N_PAGES = "\0{nb}\0"
 _LINE_MM = 1.32 * 25.4 / 72
 """Height of a line over the size of its letters, mm per point."""
 _MADE = datetime(1980, 1, 1, tzinfo=UTC)
-"""When the file says it was made, as the entries of the zip: the same report is the same bytes, whenever it is made."""
+"""The file's date of creation, as of the zip's entries: the same report is the same bytes, whenever it is made."""
 
 
 def report_pdf(
@@ -42,23 +41,12 @@ def report_pdf(
     *,
     title: str,
     version: str,
-    drawn: dict[str, tuple[NamedFigure, ...]] | None = None,
-    forest: dict[str, bytes] | None = None,
+    drawn: Mapping[str, Sequence[NamedFigure]],
+    forest: Mapping[str, bytes],
 ) -> bytes:
     """Return the report of one or several trials as a PDF; the same input gives the same bytes.
 
-    Parameters
-    ----------
-    trials : sequence of TrialReport
-        In the order of the report.
-    title : str
-        Title on the first page.
-    version : str
-        Version of rotdrift.
-    drawn : dict, optional
-        Figures by trial id with a ``png`` of each, where they were drawn already.
-    forest : dict, optional
-        The figure of the whole as ``png``, where it was drawn already.
+    Parameters as for :func:`analysis.reporting.html.report_html`, but every figure is a ``png``.
     """
     pages = Pages(title, f"rotdrift {version}")
     pages.add_page()
@@ -66,15 +54,12 @@ def report_pdf(
     pages.paragraph(f"Rotation Drift Benchmark, card {wording.CARD_REFERENCE}", 8, colour=style.GREY)
     pages.ln(GAP_MM)
     pages.paragraph(wording.ABOUT, 8)
-    _overview(pages, trials, forest or {})
+    _overview(pages, trials, forest)
     for trial in trials:
         if len(trials) > 1:
             pages.add_page()
         _trial(pages, trial)
-        pages.figures(
-            "Recorded point clouds with end points, and figures",
-            (drawn or {}).get(trial.id) or draw_figures(trial, ("png",)),
-        )
+        pages.figures("Recorded point clouds with end points, and figures", drawn[trial.id])
     return pages.finished()
 
 
@@ -102,7 +87,7 @@ def _overview(pages: Pages, trials: Sequence[TrialReport], forest: Mapping[str, 
             table = [COLUMNS, *(row.cells for row in pooled)]
             pages.rows(table, (33, 43, 26, 15, 31, 15, 17), 6.5, head=True)
         pages.ln(4)
-        pages.picture(forest.get("png") or forest_bytes(pooled, "png"))
+        pages.picture(forest["png"])
     incomplete = wording.missing_lines(trials)
     if incomplete:
         pages.heading("This submission is incomplete: the benchmark card asks for more than the cards hold", level=0)

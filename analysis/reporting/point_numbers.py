@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.patheffects import withStroke
 
-from analysis.reporting import style as look
+from analysis.reporting import style
 from analysis.series import FloatArray
 
 _DISTANCES_PT = (6.0, 9.0, 13.0, 18.0)
@@ -36,7 +36,7 @@ def draw_numbers(ax: Any, points: FloatArray, size: float = 6.0) -> None:  # noq
         ax.annotate(
             str(number + 1), points[number], xytext=tuple(offset), textcoords="offset points", fontsize=size,
             ha="center", va="center", zorder=20, annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "lw": 0.3, "color": look.GREY, "shrinkA": 0, "shrinkB": 1} if far else None,
+            arrowprops={"arrowstyle": "-", "lw": 0.3, "color": style.GREY, "shrinkA": 0, "shrinkB": 1} if far else None,
             path_effects=[withStroke(linewidth=1.0, foreground="white")],
         )  # fmt: skip
 
@@ -58,11 +58,12 @@ def number_offsets(points_pt: FloatArray, corners_pt: FloatArray, size: float) -
     (2,) offset by number of the point; points without room are left out, but never the first and the last.
     """
     n = len(points_pt)
-    order = list(dict.fromkeys((0, n - 1, *range(n)))) if n else []
-    middles, halves = np.zeros((0, 2)), np.zeros((0, 2))
+    order = list(dict.fromkeys((0, n - 1, *range(n)))) if n else []  # the ends choose first
+    middles, halves = np.zeros((0, 2)), np.zeros((0, 2))  # boxes of the numbers placed so far
     found: dict[int, FloatArray] = {}
     for number in order:
         half = np.array((0.33 * size * len(str(number + 1)), 0.4 * size))
+        # A covered point or number costs 1, the line below 0.5, distance a little: beyond 1 there is no room.
         best, least = None, 10.0 if number in {0, n - 1} else 1.0
         for distance in _DISTANCES_PT:
             for direction in _DIRECTIONS:

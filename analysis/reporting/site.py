@@ -2,79 +2,46 @@
 
 from __future__ import annotations
 
-import base64
 import re
 import unicodedata
 from collections.abc import Sequence
 
-from markupsafe import Markup
-
-from analysis.reporting import style as look
-from analysis.reporting.comparison import CRITERION, Comparison, compare_figures, difference_text, forest_figure
-from analysis.reporting.html import TEMPLATES, environment
+from analysis.reporting.comparison import CRITERION, Comparison, compare_figures, difference_text, forest_bytes
+from analysis.reporting.html import data_uri, page_template
 from analysis.reporting.tables import COLUMNS, SummaryRow, summary_csv, summary_latex, summary_markdown
-
-TITLE = "Rotation drift: results compared"
 
 
 def comparison_html(
     comparison: Comparison,
     version: str,
     *,
-    title: str = TITLE,
+    title: str = "Rotation drift: results compared",
     pages: dict[str, str] | None = None,
     home: bool | None = None,
 ) -> str:
     """Return a comparison as one page that needs nothing else.
 
-    Parameters
-    ----------
-    comparison : Comparison
-        What to show.
-    version : str
-        Version of rotdrift.
-    title : str, optional
-        Title of the page.
-    pages : dict, optional
-        Page of each ``hand:NAME`` and ``object:NAME``; None for a page that stands alone.
-    home : bool, optional
-        True: link back to the index; False: this is the index; None: the page stands alone.
+    ``pages`` is the page of each ``hand:NAME`` and ``object:NAME`` of a site. ``home`` is True for a page that links
+    back to the index, False for the index itself, and None for a page that stands alone.
     """
-    with look.style():
-        figure = forest_figure(comparison.rows)
-    picture = base64.b64encode(look.figure_bytes(figure, "svg")).decode("ascii")
-    return (
-        environment()
-        .get_template("comparison.html")
-        .render(
-            title=title,
-            css=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),  # noqa: S704 - our own file
-            notes=comparison.notes,
-            columns=COLUMNS,
-            rows=comparison.rows,
-            pages=pages or {},
-            forest=f"data:image/svg+xml;base64,{picture}",
-            differences=[difference_text(difference) for difference in comparison.differences],
-            criterion=CRITERION,
-            version=version,
-            home=home,
-        )
+    return page_template("comparison.html").render(
+        title=title,
+        notes=comparison.notes,
+        columns=COLUMNS,
+        rows=comparison.rows,
+        pages=pages or {},
+        forest=data_uri("image/svg+xml", forest_bytes(comparison.rows, "svg")),
+        differences=[difference_text(difference) for difference in comparison.differences],
+        criterion=CRITERION,
+        version=version,
+        home=home,
     )
 
 
 def site_files(comparison: Comparison, version: str) -> dict[str, bytes]:
-    """Return the static site: index, a page per hand, a page per object, and the table as files.
+    """Return the static site: index, a page per hand, a page per object, and the table as files, by name.
 
-    Parameters
-    ----------
-    comparison : Comparison
-        What to show.
-    version : str
-        Version of rotdrift.
-
-    Returns
-    -------
-    Content by file name; links are relative, so that it works from a folder as from a server.
+    Links are relative, so that it works from a folder as from a server.
     """
     pages = _page_names(comparison.rows)
     files = {

@@ -31,8 +31,6 @@ AXIS_MARKERS = ("o", "^", "s")
 FORMATS = ("png", "svg", "pdf")
 PNG_DPI = 300
 """What journals ask for."""
-SCREEN_DPI = 150
-"""For notebooks."""
 FREETYPE_VERSION: str = __freetype_version__
 """What draws the letters of a PNG: not every build of one matplotlib has the same."""
 
@@ -67,7 +65,7 @@ _SETTINGS: Any = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Make and save figures in here: no setting of the user counts (``matplotlibrc``), and all are restored."""
+    """Make figures in here, or decorate what makes them: no setting of the user counts, and all are restored."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_SETTINGS)
@@ -78,21 +76,11 @@ class PaperFigure(Figure):
     """A figure that a notebook shows as it would be printed."""
 
     def _repr_png_(self) -> bytes:
-        return figure_bytes(self, "png", SCREEN_DPI)
+        return figure_bytes(self, "png", dpi=150)
 
 
 def new_figure(height_in: float, width_in: float = COLUMN_IN, layout: str = "constrained") -> PaperFigure:
-    """Return an empty figure with its own canvas.
-
-    Parameters
-    ----------
-    height_in : float
-        Inches.
-    width_in : float, optional
-        Inches.
-    layout : str, optional
-        matplotlib's layout engine, ``"constrained"`` or ``"none"``.
-    """
+    """Return an empty figure with its own canvas; ``layout`` is matplotlib's engine, ``constrained`` or ``none``."""
     figure = PaperFigure(figsize=(width_in, height_in), layout=layout)  # type: ignore[arg-type]
     FigureCanvasAgg(figure)
     return figure
@@ -104,41 +92,23 @@ def _glyphs() -> frozenset[int]:
 
 
 def drawable(text: str) -> str:
-    """Return a text with a visible mark (U+FFFD) for every control character and every one the font cannot draw.
-
-    Parameters
-    ----------
-    text : str
-        Any text, e.g. of a card.
-    """
+    """Return a text with a visible mark (U+FFFD) for every control character and every one the font cannot draw."""
     return "".join(c if (ord(c) in _glyphs() and c.isprintable()) or c == "\n" else "\ufffd" for c in text)
 
 
 def settle(figure: Figure) -> None:
-    """Fix the place of everything: the constrained layout settles over several draws, then every format shows the same.
-
-    Parameters
-    ----------
-    figure : Figure
-        Made by :func:`new_figure`.
-    """
+    """Fix the place of everything: the constrained layout settles over several draws, and formats must not differ."""
     if figure.get_layout_engine() is not None:
         for _ in range(3):
             figure.draw_without_rendering()
         figure.set_layout_engine("none")
 
 
+@style()
 def figure_bytes(figure: Figure, kind: str, dpi: int = PNG_DPI) -> bytes:
-    """Return a figure as a file; the same figure gives the same bytes.
+    """Return a figure as a file of one of ``FORMATS``; the same figure gives the same bytes.
 
-    Parameters
-    ----------
-    figure : Figure
-        Made by :func:`new_figure`.
-    kind : str
-        One of ``FORMATS``.
-    dpi : int, optional
-        Pixels per inch, also of the clouds in SVG and PDF.
+    ``dpi`` is also the resolution of the clouds in SVG and PDF, pixels per inch.
     """
     metadata: dict[str, dict[str, Any]] = {
         "png": {"Software": None},
@@ -146,7 +116,6 @@ def figure_bytes(figure: Figure, kind: str, dpi: int = PNG_DPI) -> bytes:
         "pdf": {"CreationDate": None, "Creator": "rotdrift", "Producer": None},
     }
     buffer = io.BytesIO()
-    with style():
-        settle(figure)
-        figure.savefig(buffer, format=kind, dpi=dpi, metadata=metadata[kind], facecolor="white")
+    settle(figure)
+    figure.savefig(buffer, format=kind, dpi=dpi, metadata=metadata[kind], facecolor="white")
     return buffer.getvalue()

@@ -36,9 +36,7 @@ class SummaryRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     object: str
     motion: str
     n_trials: int
-    """All."""
     n_valid: int
-    """Those with a score."""
     theta_bar_mean_deg: float | None
     theta_bar_min_deg: float | None
     theta_bar_max_deg: float | None

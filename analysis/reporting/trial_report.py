@@ -14,7 +14,6 @@ class CardRow:
     """One line of a card."""
 
     label: str
-    """What."""
     value: str
     """As text with its unit; empty where it is not known."""
     required: bool = False
@@ -44,11 +43,8 @@ class TrialReport:
     motion: str
     """Manipulation motion, or ``unknown motion``."""
     series: OrientationSeries
-    """The samples."""
     result: Result
-    """The score."""
     cards: tuple[CardTable, ...] = ()
-    """Object, hand and trial card."""
     comments: str = ""
     """Comments on the result, of the operator."""
     missing: tuple[str, ...] = ()

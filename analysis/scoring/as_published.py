@@ -55,10 +55,6 @@ def published_drift(quats_wxyz: npt.ArrayLike, preceding: Sequence[npt.ArrayLike
     preceding : sequence of array_like, optional
         End points (m, 4) of the motions that the script worked through before, in its order.
 
-    Returns
-    -------
-    PublishedDrift
-
     Raises
     ------
     SeriesError

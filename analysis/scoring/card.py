@@ -26,8 +26,6 @@ from analysis.series import FloatArray, SeriesError
 class RotationDrift:
     """θ̄ and what it was made of; world axes."""
 
-    n_endpoints: int
-    """Number of end points n; the steps are n − 1."""
     theta_bar_rad: float
     """θ̄: angle of the average step, rad, in [0, π]."""
     mean_rotation_wxyz: FloatArray
@@ -36,8 +34,6 @@ class RotationDrift:
     """(3,) unit axis of r̄ in the world frame; zeros when there is no drift at all."""
     step_rotations_wxyz: FloatArray
     """(n−1, 4) the r_i, scalar part ≥ 0."""
-    steps_rad: FloatArray
-    """(n−1,) angle of every r_i, rad, in [0, π]."""
     top_eigenvalue_share: float
     """Largest eigenvalue of M over its trace; 1 when all steps agree."""
     left_out: tuple[int, ...] = ()
@@ -55,13 +51,8 @@ class RotationDrift:
 
     @property
     def steps_deg(self) -> FloatArray:
-        """(n−1,) angle of every step, degrees."""
-        return np.degrees(self.steps_rad)
-
-    @property
-    def step_rotvecs_rad(self) -> FloatArray:
-        """(n−1, 3) rotation vector of every step in the world frame, rad."""
-        return rotations.log(self.step_rotations_wxyz)
+        """(n−1,) angle of every step, degrees, in [0, 180]."""
+        return np.degrees(rotations.angle(self.step_rotations_wxyz))
 
 
 def step_rotations(quats_wxyz: npt.ArrayLike) -> FloatArray:
@@ -100,10 +91,6 @@ def rotation_drift(quats_wxyz: npt.ArrayLike, left_out: Sequence[int] = ()) -> R
         Steps, from 0, that do not count: a person excluded these cycles. The card knows no such thing; whoever reports
         a score has to report that.
 
-    Returns
-    -------
-    RotationDrift
-
     Raises
     ------
     SeriesError
@@ -118,12 +105,10 @@ def rotation_drift(quats_wxyz: npt.ArrayLike, left_out: Sequence[int] = ()) -> R
     mean, share = averages.average_and_share(np.delete(steps, without, axis=0) if without else steps)
     length = float(np.linalg.norm(mean[1:]))
     return RotationDrift(
-        n_endpoints=len(steps) + 1,
         theta_bar_rad=float(rotations.angle(mean)),
         mean_rotation_wxyz=mean,
         axis=mean[1:] / length if length > 0.0 else np.zeros(3),
         step_rotations_wxyz=steps,
-        steps_rad=rotations.angle(steps),
         top_eigenvalue_share=share,
         left_out=without,
     )

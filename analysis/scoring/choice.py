@@ -15,7 +15,6 @@ import csv
 import io
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,16 +65,7 @@ class EndpointChoice:
 
 
 def parse_endpoints(text: str) -> EndpointChoice:
-    """Parse end points from the command line: rows, times with an ``s``, or a file of either.
-
-    Parameters
-    ----------
-    text : str
-        ``1175,1639,2099``, ``12.5s,17.1s``, or the path of a file for :func:`load_endpoints`.
-
-    Returns
-    -------
-    EndpointChoice
+    """Parse end points from the command line: rows, times with an ``s``, or a file for :func:`load_endpoints`.
 
     Raises
     ------
@@ -114,17 +104,7 @@ def _parse_list(text: str, source: str = "given") -> EndpointChoice | None:
 
 
 def load_endpoints(path: Path) -> EndpointChoice:
-    """Read end points from a file.
-
-    Parameters
-    ----------
-    path : Path
-        A bare list as for :func:`parse_endpoints`, or a CSV with a column ``row``, ``sequence`` or ``time_s``, and
-        ``reason`` if wanted.
-
-    Returns
-    -------
-    EndpointChoice
+    """Read end points from a file: a list or a CSV, see above.
 
     Raises
     ------
@@ -161,18 +141,3 @@ def _parse_csv(text: str, path: Path) -> EndpointChoice:
             ) from None
         reasons.append(plain(row[why].strip(), 200) if why is not None and why < len(row) else "")
     return EndpointChoice(kinds[0], tuple(values), tuple(reasons) if any(reasons) else (), str(path))
-
-
-def as_choice(endpoints: EndpointChoice | Sequence[int], kind: str) -> EndpointChoice:
-    """Return a plain list of rows or sequence numbers as a choice.
-
-    Parameters
-    ----------
-    endpoints : EndpointChoice or sequence of int
-        A choice, or names of samples.
-    kind : str
-        What the names are in this recording, ``row`` or ``sequence``.
-    """
-    if isinstance(endpoints, EndpointChoice):
-        return endpoints
-    return EndpointChoice(kind, tuple(float(value) for value in endpoints))

@@ -20,28 +20,16 @@ MIN_EIGENVALUE_SHARE = 0.98
 """Below this the steps disagree so much (about 16 degrees) that their average means little; a warning."""
 
 
-def drift_diagnostics(quats_wxyz: npt.ArrayLike, drift: RotationDrift | None = None) -> Diagnostics:
+def drift_diagnostics(quats: FloatArray, drift: RotationDrift) -> Diagnostics:
     """Return what stands beside θ̄, from the same end points; the caller adds what needs more than these.
 
     Parameters
     ----------
-    quats_wxyz : (n, 4) array_like
-        The end points that were scored.
-    drift : RotationDrift, optional
-        Their score, if it is at hand.
-
-    Returns
-    -------
-    Diagnostics
-
-    Raises
-    ------
-    SeriesError
-        Fewer than 2 end points.
+    quats : (n, 4) float64
+        The end points that were scored, scalar first.
+    drift : RotationDrift
+        Their score.
     """
-    quats = np.asarray(quats_wxyz, dtype=np.float64)
-    if drift is None:
-        drift = rotation_drift(quats)
     counted = drift.counted_step_rotations_wxyz
     vectors = rotations.log(counted)
     n_steps = len(vectors)
@@ -51,7 +39,7 @@ def drift_diagnostics(quats_wxyz: npt.ArrayLike, drift: RotationDrift | None = N
     left_out = np.degrees(leave_one_out(counted)) if n_steps >= 2 else None
     slope = pose_slope(vectors)
     slope_length = float(np.linalg.norm(slope))
-    every = drift.step_rotvecs_rad
+    every = rotations.log(drift.step_rotations_wxyz)
     lengths = np.linalg.norm(every, axis=1, keepdims=True)
     return Diagnostics(
         n_steps=n_steps,
@@ -103,10 +91,6 @@ def drift_over_phase(series: OrientationSeries, endpoint_times_s: npt.ArrayLike,
         End point times, s, increasing, in the recording's own time.
     n_phases : int, optional
         How many phases.
-
-    Returns
-    -------
-    PhaseSweep
 
     Raises
     ------

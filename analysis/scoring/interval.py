@@ -37,7 +37,6 @@ class DriftInterval:
     n_steps: int
     """Number of steps m."""
     level: float
-    """Confidence level."""
     low_deg: float
     """Lower end, ≥ 0; 0 when "no drift" cannot be excluded."""
     high_deg: float
@@ -63,19 +62,13 @@ def _widening(correlation: float) -> float:
     return float(np.sqrt((1.0 + correlation) / (1.0 - correlation)))
 
 
-def drift_interval(steps_wxyz: FloatArray, level: float = LEVEL) -> DriftInterval | None:
-    """Return the confidence interval of θ̄ from its steps.
+def drift_interval(steps_wxyz: FloatArray) -> DriftInterval | None:
+    """Return the confidence interval of θ̄ from its steps; None for fewer than ``MIN_STEPS``.
 
     Parameters
     ----------
     steps_wxyz : (m, 4) float64
         Step rotations r_i, scalar first (:attr:`analysis.scoring.card.RotationDrift.step_rotations_wxyz`).
-    level : float, optional
-        Confidence level, in (0, 1).
-
-    Returns
-    -------
-    DriftInterval, or None for fewer than ``MIN_STEPS`` steps.
     """
     from scipy import special  # scipy.stats has nicer names, but takes longer to import than most scores to compute
 
@@ -94,12 +87,12 @@ def drift_interval(steps_wxyz: FloatArray, level: float = LEVEL) -> DriftInterva
     without = leave_one_out(steps_wxyz)
     jackknife = float(np.sqrt((m - 1) / m * np.sum((without - without.mean()) ** 2)))
     correlation = _lag_one(scatter)
-    half = float(special.stdtrit(m - 1, 0.5 + 0.5 * level)) * max(jackknife, delta) * _widening(correlation)
+    half = float(special.stdtrit(m - 1, 0.5 + 0.5 * LEVEL)) * max(jackknife, delta) * _widening(correlation)
     p_value = hotelling_p(vectors, _widening(correlation) ** 2)
     low = 0.0 if p_value >= SIGNIFICANCE else max(0.0, theta - half)
     return DriftInterval(
         n_steps=m,
-        level=level,
+        level=LEVEL,
         low_deg=float(np.degrees(low)),
         high_deg=float(np.degrees(min(theta + half, np.pi))),
         half_width_deg=float(np.degrees(half)),
@@ -139,7 +132,7 @@ def _lag_one(scatter: FloatArray) -> float:
     return float(np.clip(lag_one + 1.0 / len(scatter), 0.0, MAX_CORRELATION))
 
 
-def hotelling_p(vectors: FloatArray, variance_factor: float = 1.0) -> float:
+def hotelling_p(vectors: FloatArray, variance_factor: float) -> float:
     """Return how likely a mean of zero is: Hotelling's one-sample T².
 
     T² = m v̄ᵀ S⁻¹ v̄ and F = T² (m − k)/(k (m − 1)) with k, m − k degrees of freedom; k is the rank of the scatter S.
@@ -149,7 +142,7 @@ def hotelling_p(vectors: FloatArray, variance_factor: float = 1.0) -> float:
     ----------
     vectors : (m, 3) float64
         M > 3.
-    variance_factor : float, optional
+    variance_factor : float
         How much larger the variance of the mean is than for independent vectors, ≥ 1; T² is divided by it.
 
     Returns
@@ -187,16 +180,8 @@ def steps_needed(interval: DriftInterval, half_width_deg: float) -> int | None:
 
         half-width(m) = t(0.975, m − 1) · SE · √(m₀ / m).
 
-    Parameters
-    ----------
-    interval : DriftInterval
-        The present one.
-    half_width_deg : float
-        Wanted half-width, deg, above 0.
-
-    Returns
-    -------
-    Number of steps m, at least ``MIN_STEPS``; None where ``MAX_STEPS`` are not enough.
+    ``half_width_deg`` is the wanted one, above 0. The answer is at least ``MIN_STEPS``; None where ``MAX_STEPS`` are
+    not enough.
     """
     from scipy import special  # late, as above
 

@@ -1,6 +1,6 @@
 """The parts of a result that come from a recording of ours: object, link, losses, clock, operator. The host fills them.
 
-Laid out as :mod:`analysis.scoring.result_parts`.
+Names, order and units as in :mod:`analysis.scoring.result_parts`.
 """
 
 from __future__ import annotations

@@ -53,7 +53,6 @@ class Result(Part, frozen=True, kw_only=True):
     """Everything about one trial. θ̄ and what follows from it are None unless ``valid``."""
 
     format: int
-    """:data:`RESULT_FORMAT`."""
     theta_bar_deg: float | None
     """θ̄ by the card."""
     axis: Vector | None
@@ -87,7 +86,6 @@ class Result(Part, frozen=True, kw_only=True):
     recording: Source
     settings: Settings
     excluded_cycles: tuple[ExcludedCycle, ...] = ()
-    """Cycles a person left out."""
     as_published: PublishedDrift | None = None
     """The authors' figure, where asked for."""
 
@@ -182,15 +180,7 @@ def parse_result(data: bytes) -> Result:
 
 
 def schema_text(kind: type[msgspec.Struct], title: str) -> str:
-    """Return the JSON Schema (2020-12) of a type.
-
-    Parameters
-    ----------
-    kind : type
-        What the JSON holds.
-    title : str
-        Title of the schema.
-    """
+    """Return the JSON Schema (2020-12) of a type."""
     schema = msgspec.json.schema(kind)
     body = schema["$defs"].pop(kind.__name__)
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", **body, "title": title}

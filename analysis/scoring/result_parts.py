@@ -1,7 +1,7 @@
 """The parts of a result that the analysis fills; :mod:`analysis.scoring.result` puts them together.
 
-Every part is laid out as it stands in the JSON: same names, same order, angles in deg, times in s, the recording's own
-where a single moment is meant. A field with a default is absent from the JSON while it has that default.
+Every part is as it stands in the JSON: same names, same order, angles in deg, times in s, the recording's own where a
+single moment is meant. A field with a default is absent from the JSON while it has that default.
 """
 
 from __future__ import annotations
@@ -54,7 +54,6 @@ class ScoredEndpoint(Part, frozen=True, kw_only=True):
     """Nearest sample, of recordings whose samples carry sequence numbers."""
     time_s: float
     quat_wxyz: Quaternion
-    """Orientation that was scored."""
     flags: tuple[str, ...]
     """What is odd about the cycle that ends here."""
     dwell_s: float | None
@@ -90,7 +89,6 @@ class AutomaticScore(Part, frozen=True):
     indices: tuple[int, ...]
     """Rows or sequence numbers."""
     reasons: tuple[str, ...]
-    """Why it is not valid."""
 
 
 class ScoredWindow(Part, frozen=True, kw_only=True):
@@ -101,9 +99,7 @@ class ScoredWindow(Part, frozen=True, kw_only=True):
     from_s: float | None
     """Start: as given, else the first end point."""
     to_s: float | None
-    """End."""
     source: str
-    """Where the choice came from."""
     left_out: tuple[LeftOutPoint, ...]
     automatic: AutomaticScore | None
     """None where the window is the automatic one."""
@@ -147,7 +143,6 @@ class SensorShare(Part, frozen=True):
     note: str
     """For people."""
     baseline: StaticBaseline | None
-    """What it was computed from."""
 
 
 class PhaseSweep(Part, frozen=True):
@@ -173,7 +168,6 @@ class Diagnostics(Part, frozen=True, kw_only=True, omit_defaults=False):
     mean_step_deg: float
     """Mean of the step angles; far above θ̄ where the steps scatter."""
     median_step_deg: float
-    """Median of the step angles."""
     dispersion_deg: float
     """Root mean square angle between the steps and their average r̄, with n−2 in the denominator."""
     axis_share: float
@@ -185,13 +179,11 @@ class Diagnostics(Part, frozen=True, kw_only=True, omit_defaults=False):
     without_first_deg: float | None
     """θ̄ without the first end point; None with fewer than 2 steps."""
     without_last_deg: float | None
-    """θ̄ without the last end point."""
     leave_one_out_deg: tuple[float, float] | None
     """Smallest and largest θ̄ when one step is left out."""
     slope_deg_per_cycle: float
     """Length of the least-squares slope of pose (rotation vector) on cycle number: uses every end point."""
     slope_axis: Vector
-    """Unit axis of that slope."""
     top_eigenvalue_share: float
     """Largest eigenvalue of M over its trace; see :data:`analysis.scoring.diagnostics.MIN_EIGENVALUE_SHARE`."""
     over_phase_deg: PhaseSweep | None = None
@@ -247,7 +239,6 @@ class Source(Part, frozen=True, kw_only=True):
     """How its orientations were read."""
     n_samples: int
     start_s: float
-    """Time of the first sample."""
     duration_s: float
     notes: tuple[str, ...]
     """What the reader assumed and did."""

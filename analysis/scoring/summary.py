@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from analysis.scoring.result import Result
-from analysis.scoring.result_parts import Diagnostics, SensorShare
+from analysis.scoring.result_parts import SensorShare
 from analysis.series import FloatArray
 
 _LEFT = "style='text-align:left'"
@@ -18,15 +18,7 @@ def degrees(value: float | None, digits: int = 3) -> str:
 
 
 def vector_text(parts: Sequence[float] | FloatArray, digits: int = 2) -> str:
-    """Return a vector as text, with signs, and with minus signs that are not hyphens.
-
-    Parameters
-    ----------
-    parts : (3,) floats
-        No unit.
-    digits : int, optional
-        After the point.
-    """
+    """Return a vector as text, with signs, and with minus signs that are not hyphens."""
     return "(" + ", ".join(f"{part:+.{digits}f}" for part in parts).replace("-", "−") + ")"
 
 
@@ -41,40 +33,23 @@ def trust_rows(result: Result) -> list[tuple[str, str, str]]:
     companions = result.companions
     if not result.valid or companions is None:
         return []
-    other = result.other_extreme
+    without = f"{degrees(companions.without_first_deg)}° / {degrees(companions.without_last_deg)}°"
+    other = None if result.other_extreme is None else result.other_extreme.theta_bar_deg
+    axis = "—" if result.axis is None else vector_text(result.axis, 3)
+    share = f"{100 * companions.axis_share:.0f} %"
     rows = [
         ("mean step", degrees(companions.mean_step_deg) + "°", "mean angle of single steps; far above θ̄: scatter"),
         ("dispersion", degrees(companions.dispersion_deg) + "°", "scatter of the steps about their average"),
-        (
-            "without first / last end point",
-            f"{degrees(companions.without_first_deg)}° / {degrees(companions.without_last_deg)}°",
-            "θ̄ rests on these two, to first order",
-        ),
-        (
-            "other extreme",
-            degrees(None if other is None else other.theta_bar_deg) + "°",
-            "the same cycles at the other turning point",
-        ),
-        (
-            "drift axis",
-            "—" if result.axis is None else vector_text(result.axis, 3),
-            "axis of the average step, world frame",
-        ),
-        (
-            "share along that axis",
-            f"{100 * companions.axis_share:.0f} %",
-            "100 %: a steady creep; a third or less: no common direction",
-        ),
+        ("without first / last end point", without, "θ̄ rests on these two, to first order"),
+        ("other extreme", degrees(other) + "°", "the same cycles at the other turning point"),
+        ("drift axis", axis, "axis of the average step, world frame"),
+        ("share along that axis", share, "100 %: a steady creep; a third or less: no common direction"),
         ("net rotation", degrees(companions.net_rotation_deg, 2) + "°", "first to last end point"),
     ]
-    return [*rows, *_translation_rows(companions), *_sensor_rows(result.sensor)]
-
-
-def _translation_rows(companions: Diagnostics) -> list[tuple[str, str, str]]:
     drift_mm = companions.translation_drift_mm
-    if drift_mm is None:
-        return []
-    return [("translation drift", f"{drift_mm:.3f} mm per cycle", "mean displacement, as the authors' scripts")]
+    if drift_mm is not None:
+        rows.append(("translation drift", f"{drift_mm:.3f} mm per cycle", "mean displacement, as the authors' scripts"))
+    return [*rows, *_sensor_rows(result.sensor)]
 
 
 def _sensor_rows(sensor: SensorShare | None) -> list[tuple[str, str, str]]:

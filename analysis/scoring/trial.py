@@ -1,6 +1,6 @@
 """From a recording to the result: cycles, score, trust.
 
-:func:`score_series` is what every command calls, for files, recordings and live trials alike.
+:func:`score_series` is what every command calls, for files, recordings and live trials.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 from msgspec.structs import replace
 
-from analysis.cycles.search import CycleAnalysis, CycleSettings, Endpoint, Run, find_cycles
+from analysis.cycles.search import CycleAnalysis, Endpoint, Run, find_cycles
 from analysis.geometry import rotations
 from analysis.scoring.card import rotation_drift
-from analysis.scoring.choice import EndpointChoice, as_choice
+from analysis.scoring.choice import EndpointChoice
 from analysis.scoring.diagnostics import orientation_at
 from analysis.scoring.result import RESULT_FORMAT, Result
 from analysis.scoring.result_parts import (
@@ -40,8 +40,6 @@ from analysis.series import FloatArray, OrientationSeries, SeriesError
 
 MIN_CYCLES = 3
 """Fewer cycles are refused. A cycle runs from one end point to the next: 3 cycles are 4 end points and 3 steps."""
-MAX_GAP = 0.05
-"""A chosen time between samples further apart than this is refused, periods: interpolating was wrong by up to 1.66°."""
 _GRASP_RELEASE_NAME = re.compile(r"(?:^|_)GR(?:_|\.|$)")
 _GRASP_RELEASE = "grasp-and-release trial (the object is let go and taken up again): no drift can be claimed"
 
@@ -64,7 +62,6 @@ def score_series(
     window: tuple[float | None, float | None] | None = None,
     endpoints: EndpointChoice | Sequence[int] | None = None,
     baseline: StaticBaseline | None = None,
-    settings: CycleSettings | None = None,
     as_published: bool = False,
     preceding: Sequence[npt.ArrayLike] = (),
     excluded: Sequence[ExcludedCycle] = (),
@@ -83,8 +80,6 @@ def score_series(
         End points chosen by a person; go before ``window``.
     baseline : StaticBaseline, optional
         The sensor at rest. Without one, rests before and after the motion are used, where there are any.
-    settings : CycleSettings, optional
-        Numbers of the search for cycles.
     as_published : bool, optional
         Also compute the benchmark authors' Euler figure.
     preceding : sequence of array_like, optional
@@ -105,14 +100,14 @@ def score_series(
     SeriesError
         Chosen end points that are not in the recording, or a window outside it.
     """
-    chosen = settings if settings is not None else CycleSettings()
-    if endpoints is not None:
-        selection = _edited(series, as_choice(endpoints, series.index_kind), chosen)
+    if endpoints is None:
+        selection = _searched(series, window, same_extreme)
+    elif isinstance(endpoints, EndpointChoice):
+        selection = _edited(series, endpoints)
     else:
-        selection = _searched(series, window, chosen, same_extreme)
-    points = selection.endpoints
+        selection = _edited(series, EndpointChoice("index", tuple(map(float, endpoints))))
     reasons = list(selection.reasons)
-    points, left_out, not_found = _exclude(points, excluded)
+    points, left_out, not_found = _exclude(selection.endpoints, excluded)
     counted = len(points) - len(left_out)
     if counted <= MIN_CYCLES and not reasons:
         reasons.append(
@@ -151,20 +146,20 @@ def score_series(
         settings=Settings(selection.cycles.settings),
         excluded_cycles=left_out,
     )
-    return result if reasons else with_figures(result, series, selection.other, baseline, (as_published, preceding))
+    if reasons:
+        return result
+    return with_figures(result, series, selection.other, baseline, preceding if as_published else None)
 
 
 def _searched(
-    series: OrientationSeries,
-    window: tuple[float | None, float | None] | None,
-    settings: CycleSettings,
-    same_extreme: bool,
+    series: OrientationSeries, window: tuple[float | None, float | None] | None, same_extreme: bool
 ) -> _Selection:
     """Return the end points that the search finds, in the whole recording or in a window."""
     own = None if window is None else _own_time(series, window)
-    automatic = None if own is None else find_cycles(series, settings)
+    automatic = None if own is None else find_cycles(series)
+    # Where the extreme must not change, the window's end points are those like the whole recording's.
     like_s = [point.time_s for point in automatic.endpoints] if same_extreme and automatic is not None else []
-    cycles = find_cycles(series, settings, own, like_s)
+    cycles = find_cycles(series, window=own, like_s=like_s)
     points = _scored(cycles.endpoints, series)
     edges = own if own is not None else ((points[0].time_s, points[-1].time_s) if points else (None, None))
     reasons = cycles.reasons
@@ -190,20 +185,16 @@ def _searched(
     )
 
 
-def _edited(series: OrientationSeries, choice: EndpointChoice, settings: CycleSettings) -> _Selection:
+def _edited(series: OrientationSeries, choice: EndpointChoice) -> _Selection:
     """Return the end points that a person chose, and those of the search beside them."""
-    cycles = find_cycles(series, settings)
-    points = _chosen(series, choice)
+    cycles = find_cycles(series)
+    points = _chosen(series, choice, cycles.settings.max_gap)
     warnings = [f"the automatic search would not score this: {reason}" for reason in cycles.reasons]
     warnings += [warning for warning in cycles.warnings if warning not in warnings]
     if _named_grasp_release(series):
         warnings.append(_GRASP_RELEASE)
     edges = (points[0].time_s, points[-1].time_s) if points else (None, None)
-    inside = [
-        point
-        for point in cycles.other_endpoints
-        if edges[0] is not None and edges[1] is not None and edges[0] <= point.time_s <= edges[1]
-    ]
+    inside = [p for p in cycles.other_endpoints if points and points[0].time_s <= p.time_s <= points[-1].time_s]
     return _Selection(
         endpoints=points,
         other=_scored(inside, series),
@@ -227,6 +218,7 @@ def _exclude(
     """Return end points with those of excluded cycles flagged, these cycles with their steps, and warnings."""
     flagged, found, warnings = list(points), {}, []
     for item in excluded:
+        # A person left it out while it was live: its ends have moved a little since, its middle still names it.
         middle_s = 0.5 * (item.from_s + item.to_s)
         step = next((k for k, (a, b) in enumerate(pairwise(points)) if a.time_s <= middle_s < b.time_s), None)
         if step is None:
@@ -245,7 +237,6 @@ def _own_time(series: OrientationSeries, window: tuple[float | None, float | Non
     if not len(series):
         raise SeriesError("the recording has no samples to take a window of")
     first, last = float(series.times_s[0]), float(series.times_s[-1])
-
     start = first if window[0] is None else _at(series, window[0])
     end = last if window[1] is None else _at(series, window[1])
     if not (start < end and start <= last and end >= first):
@@ -262,7 +253,7 @@ def _at(series: OrientationSeries, value_s: float) -> float:
     return value_s if value_s > series.duration_s and value_s >= first else first + value_s
 
 
-def _chosen(series: OrientationSeries, choice: EndpointChoice) -> tuple[ScoredEndpoint, ...]:
+def _chosen(series: OrientationSeries, choice: EndpointChoice, max_gap: float) -> tuple[ScoredEndpoint, ...]:
     if choice.kind != "time_s":
         if choice.kind not in ("index", series.index_kind):
             raise SeriesError(f"this recording names its samples by {series.index_kind}, not by {choice.kind}")
@@ -272,8 +263,9 @@ def _chosen(series: OrientationSeries, choice: EndpointChoice) -> tuple[ScoredEn
             for k, sample in enumerate(samples)
         )
     points = []
+    # A time between samples further apart is refused: interpolating there was wrong by up to 1.66°.
     usual_s = float(np.median(np.diff(choice.values))) if len(choice.values) > 1 else float("inf")
-    widest_s = max(MAX_GAP * usual_s, 3.0 * series.interval_s)
+    widest_s = max(max_gap * usual_s, 3.0 * series.interval_s)
     for k, value in enumerate(choice.values):
         time_s = _at(series, value)
         if not series.times_s[0] <= time_s <= series.times_s[-1]:
@@ -331,7 +323,7 @@ def _cycle_search(found: CycleAnalysis) -> CycleSearch:
         likeness=known(found.likeness),
         irregularity=known(found.irregularity),
         active_s=found.active_s,
-        runs=tuple(_run(run) for run in found.runs),
+        runs=tuple(map(_run, found.runs)),
     )
 
 

@@ -1,4 +1,4 @@
-"""What stands beside θ̄ in a result, and the sentences that say when to distrust it."""
+"""What stands beside θ̄ in a result, and the warnings when to distrust it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from analysis.scoring.diagnostics import MIN_EIGENVALUE_SHARE, drift_diagnostics
 from analysis.scoring.interval import drift_interval
 from analysis.scoring.result import Result, endpoint_quats
 from analysis.scoring.result_parts import Diagnostics, OtherExtreme, ScoredEndpoint, SensorShare, vector_of
-from analysis.sensor.baseline import StaticBaseline, baseline_from_holds, heading_drift_bound_deg
+from analysis.sensor.baseline import StaticBaseline, baseline_from_holds
 from analysis.sensor.still_holds import still_holds
 from analysis.series import OrientationSeries
 
@@ -31,9 +31,9 @@ def with_figures(
     series: OrientationSeries,
     other: tuple[ScoredEndpoint, ...],
     baseline: StaticBaseline | None,
-    published: tuple[bool, Sequence[npt.ArrayLike]],
+    preceding: Sequence[npt.ArrayLike] | None,
 ) -> Result:
-    """Return a result with θ̄ and all that stands beside it.
+    """Return a valid result with θ̄ and all that stands beside it.
 
     Parameters
     ----------
@@ -45,12 +45,8 @@ def with_figures(
         End points of the other extreme.
     baseline : StaticBaseline or None
         The sensor at rest; None to look for rests inside the trial.
-    published : (bool, sequence of array_like)
-        Whether to compute the authors' figure, and the end points of the motions before this one.
-
-    Returns
-    -------
-    Result
+    preceding : sequence of (m, 4) array_like or None
+        End points of the motions before this one, for the authors' figure; None not to compute it.
     """
     quats = result.endpoint_quats_wxyz
     drift = rotation_drift(quats, [item.step for item in result.excluded_cycles])
@@ -72,7 +68,7 @@ def with_figures(
         other_extreme=_other_extreme(other),
         companions=companions,
         sensor=sensor,
-        as_published=published_drift(quats, published[1]) if published[0] else None,
+        as_published=None if preceding is None else published_drift(quats, preceding),
         warnings=(*result.warnings, *warnings),
     )
 
@@ -100,11 +96,11 @@ def _sensor_share(
     if baseline is None:
         source, baseline = "rests", baseline_from_holds(still_holds(series, result.cycles.active_s))
     if baseline is None:
-        low, high = (heading_drift_bound_deg(rate, period_s) for rate in IMU_HEADING_DEG_PER_MIN)
+        low, high = (rate * period_s / 60.0 for rate in IMU_HEADING_DEG_PER_MIN)
         note = f"no static baseline: a 6-axis IMU would add {low:.2g} to {high:.2g}° per cycle of its own"
         return SensorShare("unknown", None, None, None, note, None)
     share = baseline.per_cycle_deg(period_s)
-    floor = baseline.detectable_deg(period_s, drift.n_endpoints)
+    floor = baseline.detectable_deg(period_s, result.n_endpoints)
     note = f"sensor at rest: {baseline.total_rate_deg_per_min:.2g}°/min, {share:.2g}° per cycle"
     if source == "rests":
         note += f", from {baseline.source}; an upper bound, the object may creep in the hand as well"

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.geometry import rotations
-from analysis.sensor.still_holds import StillHold, block_orientations, measure_creep
+from analysis.sensor.still_holds import Creep, block_orientations, measure_creep
 from analysis.series import BaselineError, FloatArray, OrientationSeries
 
 MIN_DURATION_S = 10.0
@@ -37,9 +37,7 @@ class AllanPoint:
     """Allan deviation of the heading rate at one averaging time, all axes together."""
 
     tau_s: float
-    """Averaging time, s."""
     deviation_deg_per_min: float
-    """deg/min."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +53,7 @@ class StaticBaseline:
     walk_deg_per_sqrt_s: float
     """Random walk, root mean square after one second; 0 where the rest was too short to see it."""
     duration_s: float
-    """Length of the rest."""
     n_samples: int
-    """Samples it was made of."""
     allan: tuple[AllanPoint, ...] = ()
     """Empty where the rest was shorter than ``MIN_ALLAN_S``."""
     temperature_c: tuple[float, float] | None = None
@@ -65,7 +61,6 @@ class StaticBaseline:
     source: str = ""
     """What it was measured from."""
     notes: tuple[str, ...] = ()
-    """What to keep in mind."""
 
     @property
     def total_rate_deg_per_min(self) -> float:
@@ -73,29 +68,42 @@ class StaticBaseline:
         return float(np.linalg.norm(self.rate_deg_per_min))
 
     def per_cycle_deg(self, period_s: float) -> float:
-        """Return the rotation drift per cycle that this sensor can fake at a period, deg."""
-        return heading_drift_bound_deg(self.total_rate_deg_per_min, period_s)
+        """Return the rotation drift per cycle that this sensor can fake at a period, deg: rate × T."""
+        return self.total_rate_deg_per_min * period_s / 60.0
 
     def detectable_deg(self, period_s: float, n_endpoints: int) -> float:
-        """Return the minimal detectable drift: 95th percentile of θ̄ of an object at rest in such a trial, deg."""
-        return detectable_drift_deg(
-            np.array(self.rate_deg_per_min), self.noise_deg, self.walk_deg_per_sqrt_s, period_s, n_endpoints
-        )
+        """Return the minimal detectable drift: the 95th percentile of θ̄ of an object at rest, when cut every T.
+
+        A static object scores θ̄ = |ω T + e|. The error e is the difference of the first and the last pose over n − 1
+        steps: per axis its variance is (2 σ² + w² (n − 1) T)/(n − 1)², with σ the noise of a pose and w the random
+        walk. So θ̄² is noncentral χ² with 3 degrees of freedom, whose quantile this returns. Heading drift keeps its
+        size but not its direction between trials, so it counts in full.
+
+        Parameters
+        ----------
+        period_s : float
+            Length of a cycle T, s.
+        n_endpoints : int
+            End points of the trial n.
+
+        Returns
+        -------
+        deg per cycle.
+        """
+        from scipy import special
+
+        steps = max(n_endpoints - 1, 1)
+        offset = self.per_cycle_deg(period_s)
+        variance = (2.0 * self.noise_deg**2 + self.walk_deg_per_sqrt_s**2 * steps * period_s) / 3.0 / steps**2
+        if variance <= 0.0 or offset**2 / variance > 1e8:
+            return offset
+        return float(np.sqrt(variance * special.chndtrix(0.95, 3, offset**2 / variance)))
 
 
 def measure_baseline(series: OrientationSeries, temperatures_c: Sequence[float] = ()) -> StaticBaseline:
-    """Return what the sensor does at rest.
+    """Return what the sensor does while the object lies still for at least ``MIN_DURATION_S``.
 
-    Parameters
-    ----------
-    series : OrientationSeries
-        The object lying still, at least ``MIN_DURATION_S``.
-    temperatures_c : sequence of float, optional
-        Sensor temperatures streamed meanwhile, if any.
-
-    Returns
-    -------
-    StaticBaseline
+    ``temperatures_c`` are those of the sensor streamed meanwhile, °C.
 
     Raises
     ------
@@ -138,36 +146,26 @@ def measure_baseline(series: OrientationSeries, temperatures_c: Sequence[float] 
     )
 
 
-def baseline_from_holds(holds: Sequence[StillHold]) -> StaticBaseline | None:
-    """Return a baseline made of the rests before and after the motion inside a trial, weighted by their precision.
-
-    Parameters
-    ----------
-    holds : sequence of StillHold
-        From :func:`analysis.sensor.still_holds.still_holds`.
-
-    Returns
-    -------
-    StaticBaseline, or None without rests.
-    """
+def baseline_from_holds(holds: Sequence[Creep]) -> StaticBaseline | None:
+    """Return a baseline made of the rests inside a trial, weighted by their precision; None without rests."""
     if not holds:
         return None
-    rates = np.array([hold.creep.rate_deg_per_min for hold in holds])
-    weights = np.array([hold.creep.duration_s**3 for hold in holds])  # variance of a slope falls with length cubed
+    rates = np.array([hold.rate_deg_per_min for hold in holds])
+    weights = np.array([hold.duration_s**3 for hold in holds])  # variance of a slope falls with length cubed
     weights /= weights.sum()
     rate = weights @ rates
-    errors = np.array([hold.creep.rate_error_deg_per_min for hold in holds])
+    errors = np.array([hold.rate_error_deg_per_min for hold in holds])
     within = np.sqrt(weights**2 @ errors**2)
     between = np.sqrt(weights @ (rates - rate) ** 2 / max(len(holds) - 1, 1)) if len(holds) > 1 else np.zeros(3)
-    samples = np.array([hold.creep.n_samples for hold in holds])
-    noise = np.array([hold.creep.noise_deg for hold in holds])
-    lengths = ", ".join(f"{hold.creep.duration_s:.1f} s" for hold in holds)
+    samples = np.array([hold.n_samples for hold in holds])
+    noise = np.array([hold.noise_deg for hold in holds])
+    lengths = ", ".join(f"{hold.duration_s:.1f} s" for hold in holds)
     return StaticBaseline(
         rate_deg_per_min=_triple(rate),
         rate_error_deg_per_min=_triple(np.maximum(within, between)),
         noise_deg=float(np.sqrt(samples @ noise**2 / samples.sum())),
         walk_deg_per_sqrt_s=0.0,
-        duration_s=float(sum(hold.creep.duration_s for hold in holds)),
+        duration_s=float(sum(hold.duration_s for hold in holds)),
         n_samples=int(samples.sum()),
         source=f"rests inside the trial ({lengths})",
         notes=("in the hand at rest: an upper bound, the object may creep as well",),
@@ -180,8 +178,8 @@ def _walk_error(walk_deg_per_sqrt_s: float, duration_s: float) -> float:
 
 
 def _triple(values: FloatArray) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return (x, y, z)
+    x, y, z = values.tolist()
+    return x, y, z
 
 
 def _refuse_motion(series: OrientationSeries) -> None:
@@ -219,80 +217,17 @@ def _allan(series: OrientationSeries) -> tuple[tuple[AllanPoint, ...], float]:
     blocks = block_orientations(series.times_s, series.quats_wxyz, 1.0)
     grid = np.arange(blocks.at_s[0], blocks.at_s[-1], 1.0)
     path = np.stack([np.interp(grid, blocks.at_s, blocks.path_deg[:, k]) for k in range(3)], axis=1)
-    points, tau_s, power = [], [], []
+    points, power = [], []
     m = 1
     while 4 * m < len(path):
         second = path[2 * m :] - 2.0 * path[m:-m] + path[: -2 * m]
-        angle_power = float(np.mean(np.sum(second**2, axis=1))) / 2.0
-        points.append(AllanPoint(float(m), float(np.sqrt(angle_power)) / m * 60.0))
-        tau_s.append(float(m))
-        power.append(angle_power)
+        power.append(float(np.mean(np.sum(second**2, axis=1))) / 2.0)
+        points.append(AllanPoint(float(m), float(np.sqrt(power[-1])) / m * 60.0))
         m *= 2
-    short = [k for k, tau in enumerate(tau_s) if tau <= 32.0]
-    if len(short) < 3:
+    tau_s = np.array([point.tau_s for point in points if point.tau_s <= 32.0])
+    if len(tau_s) < 3:
         return tuple(points), 0.0
+    short = np.array(power[: len(tau_s)])
     # Relative weights: the power grows with τ and so does its uncertainty.
-    weights = 1.0 / np.maximum(np.array(power)[short], 1e-30)
-    slope = np.polyfit(np.array(tau_s)[short], np.array(power)[short], 1, w=weights)[0]
+    slope = np.polyfit(tau_s, short, 1, w=1.0 / np.maximum(short, 1e-30))[0]
     return tuple(points), float(np.sqrt(max(slope, 0.0)))
-
-
-def heading_drift_bound_deg(rate_deg_per_min: float, period_s: float) -> float:
-    """Return the rotation drift per cycle that the sensor's own heading drift can fake: rate × T.
-
-    Parameters
-    ----------
-    rate_deg_per_min : float
-        Heading drift, deg/min, either sign.
-    period_s : float
-        Length of a cycle, s.
-
-    Returns
-    -------
-    deg per cycle.
-    """
-    return abs(rate_deg_per_min) * period_s / 60.0
-
-
-def detectable_drift_deg(
-    rate_deg_per_min: FloatArray,
-    noise_deg: float,
-    walk_deg_per_sqrt_s: float,
-    period_s: float,
-    n_endpoints: int,
-    probability: float = 0.95,
-) -> float:
-    """Return the minimal detectable drift: what a static object scores, at the given probability, when cut every T.
-
-    A static object scores θ̄ = |ω T + e|. The error e is the difference of the first and the last pose over n − 1
-    steps: per axis its variance is (2 σ² + w² (n − 1) T)/(n − 1)², with σ the noise of a pose and w the random walk. So
-    θ̄² is noncentral χ² with 3 degrees of freedom, whose quantile this returns. Heading drift keeps its size but not its
-    direction between trials, so it counts in full.
-
-    Parameters
-    ----------
-    rate_deg_per_min : (3,) float64
-        Heading drift about the world axes, deg/min.
-    noise_deg : float
-        Noise of a pose at an end point, deg, root mean square of the rotation angle.
-    walk_deg_per_sqrt_s : float
-        Random walk of the orientation, deg/√s, root mean square of the rotation angle after 1 s.
-    period_s : float
-        Length of a cycle T, s.
-    n_endpoints : int
-        End points of the trial n.
-    probability : float, optional
-        Share of static trials that score below.
-
-    Returns
-    -------
-    deg per cycle.
-    """
-    from scipy import special
-
-    steps = max(n_endpoints - 1, 1)
-    offset = float(np.linalg.norm(rate_deg_per_min)) * period_s / 60.0
-    variance = (2.0 * noise_deg**2 + walk_deg_per_sqrt_s**2 * steps * period_s) / 3.0 / steps**2
-    if variance <= 0.0 or offset**2 / variance > 1e8:
-        return offset
-    return float(np.sqrt(variance * special.chndtrix(probability, 3, offset**2 / variance)))

@@ -23,13 +23,6 @@ _MAX_FILE_BYTES = 1 << 20
 def save_baseline(baseline: StaticBaseline, path: Path) -> None:
     """Write a baseline as TOML; control characters in its texts are not kept.
 
-    Parameters
-    ----------
-    baseline : StaticBaseline
-        What to write.
-    path : Path
-        A file that does not exist yet.
-
     Raises
     ------
     FileExistsError
@@ -44,16 +37,7 @@ def save_baseline(baseline: StaticBaseline, path: Path) -> None:
 
 
 def load_baseline(path: Path) -> StaticBaseline:
-    """Read a baseline from TOML.
-
-    Parameters
-    ----------
-    path : Path
-        As written by :func:`save_baseline`.
-
-    Returns
-    -------
-    StaticBaseline
+    """Read a baseline as written by :func:`save_baseline`.
 
     Raises
     ------

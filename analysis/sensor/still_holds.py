@@ -11,7 +11,7 @@ from analysis.geometry import rotations
 from analysis.series import FloatArray, IntArray, OrientationSeries
 
 MIN_HOLD_S = 3.0
-"""A shorter rest is no measure of degrees per minute."""
+"""A shorter rest is too short to measure degrees per minute."""
 MAX_SPEED_DEG_S = 0.5
 """Faster than this over half a second is motion, unless the noise alone explains it: 6 deg/min is 0.1 deg/s."""
 _BLOCK_S = 0.5
@@ -23,8 +23,10 @@ class Creep:
 
     n_samples: int
     """Samples it was made of."""
-    duration_s: float
-    """First to last of them, s."""
+    from_s: float
+    """First of them, recording's own time, s."""
+    to_s: float
+    """Last of them."""
     rate_deg_per_min: FloatArray
     """(3,) slope of the rotation vector."""
     rate_error_deg_per_min: FloatArray
@@ -32,17 +34,10 @@ class Creep:
     noise_deg: float
     """Noise of one sample, root mean square of the rotation angle about the line's slow part."""
 
-
-@dataclass(frozen=True, eq=False)
-class StillHold:
-    """One rest inside a recording."""
-
-    from_s: float
-    """Recording's own time, s."""
-    to_s: float
-    """Recording's own time, s."""
-    creep: Creep
-    """What the orientation did meanwhile."""
+    @property
+    def duration_s(self) -> float:
+        """First to last sample, s."""
+        return self.to_s - self.from_s
 
 
 def measure_creep(times_s: FloatArray, quats_wxyz: FloatArray) -> Creep:
@@ -54,10 +49,6 @@ def measure_creep(times_s: FloatArray, quats_wxyz: FloatArray) -> Creep:
         s, n ≥ 4 and at least two seconds.
     quats_wxyz : (n, 4) float64
         Unit, scalar first.
-
-    Returns
-    -------
-    Creep
     """
     blocks = block_orientations(times_s, quats_wxyz)
     at, means = blocks.at_s, blocks.path_deg
@@ -68,7 +59,8 @@ def measure_creep(times_s: FloatArray, quats_wxyz: FloatArray) -> Creep:
     freedom = max(len(at) - 2, 1)
     return Creep(
         n_samples=len(times_s),
-        duration_s=float(times_s[-1] - times_s[0]),
+        from_s=float(times_s[0]),
+        to_s=float(times_s[-1]),
         rate_deg_per_min=slope * 60.0,
         rate_error_deg_per_min=np.sqrt(np.sum(left**2, axis=0) / freedom / spread) * 60.0,
         noise_deg=blocks.noise_deg(times_s, quats_wxyz),
@@ -110,10 +102,6 @@ def block_orientations(times_s: FloatArray, quats_wxyz: FloatArray, block_s: flo
         Unit, scalar first.
     block_s : float, optional
         Length of a block, s.
-
-    Returns
-    -------
-    BlockOrientations
     """
     number = ((times_s - times_s[0]) / block_s).astype(np.int64)
     starts = np.flatnonzero(np.concatenate(([True], np.diff(number) > 0)))
@@ -132,33 +120,20 @@ def block_orientations(times_s: FloatArray, quats_wxyz: FloatArray, block_s: flo
     )
 
 
-def still_holds(
-    series: OrientationSeries, active_s: tuple[float, float] | None = None, min_hold_s: float = MIN_HOLD_S
-) -> tuple[StillHold, ...]:
-    """Return the rests before and after the motion.
+def still_holds(series: OrientationSeries, active_s: tuple[float, float] | None = None) -> tuple[Creep, ...]:
+    """Return the rests of a recording in time order; those before and after the motion where ``active_s`` is given.
 
-    Parameters
-    ----------
-    series : OrientationSeries
-        The recording.
-    active_s : (float, float), optional
-        (from, to) of the motion, recording's own time; only rests outside count. None: all.
-    min_hold_s : float, optional
-        Shortest rest, s.
-
-    Returns
-    -------
-    Rests in time order.
+    ``active_s`` is (from, to) of the motion in the recording's own time, s.
     """
     if active_s is None:
-        return tuple(_holds(series.times_s, series.quats_wxyz, min_hold_s))
+        return tuple(_holds(series.times_s, series.quats_wxyz))
     before, after = np.searchsorted(series.times_s, active_s)
     parts = (slice(0, int(before)), slice(int(after), len(series)))
-    return tuple(hold for part in parts for hold in _holds(series.times_s[part], series.quats_wxyz[part], min_hold_s))
+    return tuple(hold for part in parts for hold in _holds(series.times_s[part], series.quats_wxyz[part]))
 
 
-def _holds(times_s: FloatArray, quats_wxyz: FloatArray, min_hold_s: float) -> Iterator[StillHold]:
-    if len(times_s) < 8 or times_s[-1] - times_s[0] < min_hold_s:
+def _holds(times_s: FloatArray, quats_wxyz: FloatArray) -> Iterator[Creep]:
+    if len(times_s) < 8 or times_s[-1] - times_s[0] < MIN_HOLD_S:
         return
     blocks = block_orientations(times_s, quats_wxyz)
     at = blocks.at_s
@@ -174,9 +149,8 @@ def _holds(times_s: FloatArray, quats_wxyz: FloatArray, min_hold_s: float) -> It
         start = at[first + 1] - 0.5 * _BLOCK_S if first else times_s[0]
         end = at[last - 1] + 0.5 * _BLOCK_S if last < len(still) else times_s[-1]
         rows = slice(int(np.searchsorted(times_s, start)), int(np.searchsorted(times_s, end, side="right")))
-        if rows.stop - rows.start >= 8 and times_s[rows.stop - 1] - times_s[rows.start] >= 0.98 * min_hold_s:
-            creep = measure_creep(times_s[rows], quats_wxyz[rows])
-            yield StillHold(float(times_s[rows.start]), float(times_s[rows.stop - 1]), creep)
+        if rows.stop - rows.start >= 8 and times_s[rows.stop - 1] - times_s[rows.start] >= 0.98 * MIN_HOLD_S:
+            yield measure_creep(times_s[rows], quats_wxyz[rows])
 
 
 def _quiet_noise_deg(quats_wxyz: FloatArray, blocks: BlockOrientations) -> float:

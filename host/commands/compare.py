@@ -73,8 +73,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _files(out: Path, comparison: Comparison) -> dict[Path, bytes]:
-    from analysis.reporting import style
-    from analysis.reporting.comparison import forest_figure
+    from analysis.reporting.comparison import forest_bytes
     from analysis.reporting.site import comparison_html, site_files
     from analysis.reporting.tables import summary_csv, summary_latex, summary_markdown
     from host.version import VERSION
@@ -86,7 +85,5 @@ def _files(out: Path, comparison: Comparison) -> dict[Path, bytes]:
     if kind == ".html":
         return {out: comparison_html(comparison, VERSION).encode()}
     if kind in {".svg", ".png", ".pdf"}:
-        with style.style():
-            figure = forest_figure(comparison.rows)
-        return {out: style.figure_bytes(figure, kind[1:])}
+        return {out: forest_bytes(comparison.rows, kind[1:])}
     return {out / name: content for name, content in site_files(comparison, VERSION).items()}

@@ -114,7 +114,7 @@ def _window_s(path: Path, args: argparse.Namespace) -> tuple[float | None, float
     from host.results.window import resolve_window
 
     _, trial = read_recording(path, ReadOptions(args.columns, args.rate, args.topic, args.node))
-    return resolve_window((args.start, args.end), trial) or (None, None)
+    return resolve_window((args.start, args.end), trial)
 
 
 def _refuse_existing(out: Path, *, force: bool) -> None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from host.results.any_file import ReadOptions, ScoredRecording
     from host.results.result import ScoreOptions
-    from host.results.window import Window
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 
@@ -141,8 +140,8 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
     """Draw a trial; one without a score still shows its motion."""
     import textwrap
 
-    from analysis.reporting import style as figure_style
     from analysis.reporting.figures import summary_figure
+    from analysis.reporting.style import figure_bytes
     from host.errors import unwritable
 
     theta_deg = scored.result.theta_bar_deg
@@ -150,9 +149,8 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
         title = f"{source.name}: no score\n" + textwrap.fill("; ".join(scored.result.reasons), 110, max_lines=4)
     else:
         title = f"{source.name}: θ̄ = {theta_deg:.3f}° per cycle"
-    with figure_style.style():
-        figure = summary_figure(scored.series, scored.result, title)
-        content = figure_style.figure_bytes(figure, path.suffix.lower().removeprefix("."))
+    figure = summary_figure(scored.series, scored.result, title)
+    content = figure_bytes(figure, path.suffix.lower().removeprefix("."))
     try:
         with path.open("xb") as file:
             file.write(content)
@@ -160,8 +158,8 @@ def _plot(path: Path, source: Path, scored: ScoredRecording) -> None:
         raise unwritable(path, error) from error
 
 
-def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Window | None]:
-    """Return how to score, how to read, and which window."""
+def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions]:
+    """Return how to score, and how to read."""
     from analysis.scoring.choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError
@@ -176,6 +174,7 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Windo
     except ReaderError as error:
         raise UsageError(str(error)) from error
     options = ScoreOptions(
+        window=window(args.start, args.end),
         endpoints=chosen,
         baseline=args.baseline,
         as_published=args.as_published or bool(args.preceding),
@@ -183,4 +182,4 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions, Windo
         preceding=preceding_endpoints(args.preceding, reading),
         clock=args.json,
     )
-    return options, reading, window(args.start, args.end)
+    return options, reading

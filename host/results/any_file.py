@@ -14,7 +14,6 @@ from host.links.can.log_kind import can_log_kind
 from host.recording.load import RecordedTrial, load_trial
 from host.recording.reader import is_our_recording
 from host.results.result import ScoreOptions, score_plain, score_trial
-from host.results.window import Window, resolve_window
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,6 @@ class ScoredRecording:
     """A recording and its score."""
 
     series: OrientationSeries
-    """The samples."""
     result: Result
     """The score, with the path of the file left out: the same file anywhere has the same result."""
     info: Info | None = None
@@ -76,23 +74,9 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
 
 
 def score_recording(
-    path: Path,
-    options: ScoreOptions | None = None,
-    reading: ReadOptions | None = None,
-    window: Window | None = None,
+    path: Path, options: ScoreOptions | None = None, reading: ReadOptions | None = None
 ) -> ScoredRecording:
     """Read and score a recording of any format.
-
-    Parameters
-    ----------
-    path : Path
-        The recording.
-    options : ScoreOptions, optional
-        What a person chose for the score.
-    reading : ReadOptions, optional
-        How to read a file that is not ours.
-    window : Window, optional
-        In place of ``options.window``, where its ends may be markers.
 
     Raises
     ------
@@ -106,8 +90,6 @@ def score_recording(
     if options.endpoints is not None:
         name = Path(options.endpoints.source).name
         options = replace(options, endpoints=replace(options.endpoints, source=name))
-    if window is not None:
-        options = replace(options, window=resolve_window(window, trial))
     try:
         result = score_plain(series, options) if trial is None else score_trial(trial, options)
     except SeriesError as error:

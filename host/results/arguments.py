@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import math
+import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -24,11 +26,11 @@ def add_window_arguments(parser: argparse.ArgumentParser, note: str = "") -> Non
     parser.add_argument(
         "--from",
         dest="start",
-        type=_bound,
+        type=_parse_bound,
         metavar="S|MARKER",
         help=f"start of the window: seconds, or m1 for a marker{note}",
     )
-    parser.add_argument("--to", dest="end", type=_bound, metavar="S|MARKER", help=f"end of the window{note}")
+    parser.add_argument("--to", dest="end", type=_parse_bound, metavar="S|MARKER", help=f"end of the window{note}")
 
 
 def window(start: Bound, end: Bound) -> Window | None:
@@ -36,7 +38,13 @@ def window(start: Bound, end: Bound) -> Window | None:
     return None if start is None and end is None else (start, end)
 
 
-def _bound(text: str) -> float | str:
-    from host.results.window import parse_bound  # imports numpy: only where there is something to parse
-
-    return parse_bound(text)
+def _parse_bound(text: str) -> float | str:
+    if re.fullmatch(r"m[0-9]{1,5}", text):
+        return text
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither seconds (12.5) nor a marker (m1)")
+    return seconds

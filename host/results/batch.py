@@ -17,7 +17,6 @@ from analysis.scoring.result import Result
 from host.errors import FileError, HostError, UsageError
 from host.results.any_file import ReadOptions, score_recording
 from host.results.result import ScoreOptions
-from host.results.window import Window
 
 SUFFIXES = frozenset({".bag", ".csv", ".mcap", ".parquet", ".pq", ".tum", ".txt"})
 """What counts as a recording in a folder; the format itself is recognised from the content."""
@@ -32,7 +31,6 @@ class BatchRow:
     result: Result | None
     """None where the file could not be scored."""
     error: str | None
-    """Why not, in one sentence."""
     exit_code: int
     """As if the file had been scored alone: 0, 1 (not valid), 2 or 4."""
 
@@ -40,10 +38,7 @@ class BatchRow:
 def expand(paths: Sequence[Path]) -> list[Path]:
     """Return the paths with folders replaced by the recordings in them, at any depth, in the order of their names.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files and folders; a ROS 2 bag is a folder too, and stays one.
+    A ROS 2 bag is a folder too, and stays one.
 
     Raises
     ------
@@ -88,26 +83,12 @@ def score_many(
     report: Callable[[BatchRow], None],
     options: ScoreOptions | None = None,
     reading: ReadOptions | None = None,
-    window: Window | None = None,
     workers: int | None = None,
 ) -> list[BatchRow]:
-    """Score files in parallel.
+    """Score files in parallel, by default with one process per core; the rows are in the order of ``paths``.
 
-    Parameters
-    ----------
-    paths : iterable of Path
-        Files, in the order of the answer.
-    report : callable
-        Called in this process whenever a file is done, in any order.
-    options, reading, window : ScoreOptions, ReadOptions, Window, optional
-        As for :func:`host.results.any_file.score_recording`, the same for every file.
-    workers : int, optional
-        Processes; by default one per core.
-
-    Returns
-    -------
-    list of BatchRow
-        In the order of ``paths``.
+    ``report`` is called in this process whenever a file is done, in any order. Every file is scored as
+    :func:`host.results.any_file.score_recording` would with these options.
     """
     paths = list(paths)
     rows: dict[int, BatchRow] = {}
@@ -115,7 +96,7 @@ def score_many(
     workers = min(workers or os.cpu_count() or 1, len(paths), 61)  # 61: what Windows can wait for
     with _pool(workers) as pool:
         with _interrupts_not_inherited():
-            jobs = {pool.submit(score_row, path, options, reading, window): number for number, path in enumerate(paths)}
+            jobs = {pool.submit(score_row, path, options, reading): number for number, path in enumerate(paths)}
         for job in as_completed(jobs):
             try:
                 rows[jobs[job]] = row = job.result()
@@ -127,7 +108,7 @@ def score_many(
     for number in sorted(unfinished):
         with _pool(1) as pool:
             with _interrupts_not_inherited():
-                job = pool.submit(score_row, paths[number], options, reading, window)
+                job = pool.submit(score_row, paths[number], options, reading)
             try:
                 row = job.result()
             except BrokenProcessPool:
@@ -168,10 +149,10 @@ def _interrupts_not_inherited() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def score_row(path: Path, options: ScoreOptions | None, reading: ReadOptions | None, window: Window | None) -> BatchRow:
+def score_row(path: Path, options: ScoreOptions | None, reading: ReadOptions | None) -> BatchRow:
     """Score one file; whatever is wrong with it becomes part of the row."""
     try:
-        result = score_recording(path, options, reading, window).result
+        result = score_recording(path, options, reading).result
     except HostError as error:
         return BatchRow(path, None, str(error), error.exit_code)
     except Exception as error:  # noqa: BLE001 - one bad file must not stop the rest

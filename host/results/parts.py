@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import fields
 from itertools import pairwise
 
@@ -20,6 +19,7 @@ from analysis.scoring.recorded_parts import (
     Weight,
 )
 from analysis.scoring.result_parts import known
+from analysis.series import FloatArray
 from firmware_protocol.packets import Info
 from host.losses.ledger import LossReport
 from host.losses.runs import missing_between
@@ -44,20 +44,10 @@ def losses_of(report: LossReport) -> Losses:
     )
 
 
-def losses_per_cycle(trial: RecordedTrial, endpoint_times_s: Sequence[float]) -> tuple[CycleLosses, ...]:
+def losses_per_cycle(trial: RecordedTrial, endpoint_times_s: FloatArray) -> tuple[CycleLosses, ...]:
     """Return the account of the samples between neighbouring end points; each cycle starts with its end point's sample.
 
-    Parameters
-    ----------
-    trial : RecordedTrial
-        Whose samples have numbers.
-    endpoint_times_s : sequence of float
-        n end points, s.
-
-    Returns
-    -------
-    tuple of CycleLosses
-        n − 1 of them.
+    For n end points it has n − 1 parts; none where the samples have no numbers.
     """
     series = trial.series
     if len(endpoint_times_s) < 2 or series.index_kind != "sequence":

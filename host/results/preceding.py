@@ -15,19 +15,10 @@ _EXAMPLE = "e.g. --preceding T42_cube_roll_1.csv=1175,1639,2099"
 
 
 def preceding_endpoints(given: Sequence[str], reading: ReadOptions | None = None) -> tuple[FloatArray, ...]:
-    """Return the end points of earlier recordings.
+    """Return the end points of earlier recordings, (m, 4) each, in the order in which the script worked through them.
 
-    Parameters
-    ----------
-    given : sequence of str
-        ``FILE``, whose end points are searched, or ``FILE=ENDPOINTS`` with rows, times or a CSV as for
-        ``--endpoints``; in the order in which the script worked through them.
-    reading : ReadOptions, optional
-        How to read files that are not ours.
-
-    Returns
-    -------
-    tuple of (m, 4) arrays
+    Each is ``FILE``, whose end points are searched, or ``FILE=ENDPOINTS`` with rows, times or a CSV as for
+    ``--endpoints``.
 
     Raises
     ------

@@ -25,14 +25,8 @@ _BELOW_FLOOR = {
 }
 
 
-def render_score(result: Result) -> RenderableType:
-    """Return a result as a drawing for the terminal.
-
-    Parameters
-    ----------
-    result : Result
-        Texts in it may come from files and are shown as they are, never as markup.
-    """
+def _render_score(result: Result) -> RenderableType:
+    """Return a result as a drawing; texts in it may come from files and are shown as they are, never as markup."""
     parts: list[RenderableType] = [_headline(result), _trust(result)]
     if result.endpoints:
         parts += [Text(""), _cycles(result)]
@@ -43,10 +37,10 @@ def print_score(result: Result, console: Console | None = None) -> None:
     """Print a result to standard output; where that is a file or a pipe, without the blanks that fill up a line."""
     console = console or Console(highlight=False, soft_wrap=False)
     if console.is_terminal:
-        console.print(render_score(result))
+        console.print(_render_score(result))
         return
     with console.capture() as drawn:
-        console.print(render_score(result))
+        console.print(_render_score(result))
     console.file.write("".join(f"{line.rstrip()}\n" for line in drawn.get().splitlines()))
 
 
@@ -106,7 +100,7 @@ def _motion(result: Result) -> Iterator[str]:
         yield f"swing {cycles.swing_deg:.1f}°"
         yield f"{cycles.axis_share or 0.0:.0%} of it about one axis"
     if cycles.humps > 1:
-        yield f"{cycles.humps} humps a cycle"
+        yield f"{cycles.humps} peaks a cycle"
 
 
 def _number(n: int, what: str) -> str:
@@ -215,20 +209,11 @@ def print_batch(rows: Sequence[BatchRow], console: Console | None = None) -> Non
     console = console or Console(highlight=False)
     if not console.is_terminal:
         console.width = max(console.width, UNBOUND)
-    console.print(render_batch(rows, console.width))
+    console.print(_render_batch(rows, _COLUMNS if console.width < NARROW else _WIDE_COLUMNS))
 
 
-def render_batch(rows: Sequence[BatchRow], width: int = UNBOUND) -> RenderableType:
-    """Return a table of many recordings, one line each, and below it why some have no result.
-
-    Parameters
-    ----------
-    rows : sequence of BatchRow
-        In the order to show.
-    width : int, optional
-        Columns of the terminal.
-    """
-    columns = _COLUMNS if width < NARROW else _WIDE_COLUMNS
+def _render_batch(rows: Sequence[BatchRow], columns: Sequence[str]) -> RenderableType:
+    """Return a table of many recordings, one line each, and below it why some have no result."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", pad_edge=False)
     table.add_column("recording", overflow="fold")
     for name in columns:

@@ -23,6 +23,7 @@ from host.errors import FileError
 from host.losses.verdict import judge_losses
 from host.recording.load import RecordedTrial
 from host.results.parts import events_of, link_of, losses_of, losses_per_cycle, object_of, operator_of
+from host.results.window import Window, resolve_window
 from host.trial.operator import OperatorEdits, edits_of
 from host.version import VERSION
 
@@ -33,10 +34,9 @@ IGNORED = "the operator's trial window and left-out cycles do not count here, as
 class ScoreOptions:
     """What a person chose for a score."""
 
-    window: tuple[float | None, float | None] | None = None
-    """(from, to), s; None lets the search decide."""
+    window: Window | None = None
+    """None lets the search decide."""
     endpoints: EndpointChoice | None = None
-    """End points chosen by hand."""
     baseline: Path | None = None
     """File of the sensor's static baseline."""
     as_published: bool = False
@@ -53,21 +53,14 @@ class ScoreOptions:
 def score_trial(
     trial: RecordedTrial, options: ScoreOptions | None = None, capture: CaptureAccount | None = None
 ) -> Result:
-    """Score a recorded trial.
-
-    Parameters
-    ----------
-    trial : RecordedTrial
-        From :func:`host.recording.load.load_trial`.
-    options : ScoreOptions, optional
-        What a person chose.
-    capture : CaptureAccount, optional
-        How the capture ended; part of the result.
+    """Score a recorded trial; ``capture``, how it ended, is part of the result.
 
     Raises
     ------
     AnalysisError
         Chosen end points or window do not fit the recording, or the baseline file is not valid.
+    UsageError
+        The recording has no such marker.
     """
     options = options or ScoreOptions()
     done = edits_of(trial.actions)
@@ -75,14 +68,16 @@ def score_trial(
     honoured = options.window is None and options.endpoints is None and edits.window is not None
     if honoured:
         options = dataclasses.replace(options, window=edits.window)
+    elif options.window is not None:
+        options = dataclasses.replace(options, window=resolve_window(options.window, trial))
     result = score_plain(trial.series, options, edits.excluded if options.endpoints is None else (), honoured)
-    per_cycle = losses_per_cycle(trial, [point.time_s for point in result.endpoints])
+    per_cycle = losses_per_cycle(trial, result.endpoint_times_s)
     quality = judge_losses(trial.losses, per_cycle)
     ignored = (IGNORED,) if edits != done else ()
     window = result.window
     return replace(
         result,
-        warnings=(*ignored, *quality.reasons, *trial_warnings(trial), *result.warnings),
+        warnings=(*ignored, *quality.reasons, *_trial_warnings(trial), *result.warnings),
         window=replace(window, source="the operator, during the capture") if honoured else window,
         losses=losses_of(trial.losses),
         object=object_of(trial.info),
@@ -106,11 +101,7 @@ def score_plain(
     """Score a series as the options require; ``excluded`` cycles are kept but not counted.
 
     With ``same_extreme`` a window stays at the extreme of the whole recording: the one that the live view counted at.
-
-    Raises
-    ------
-    AnalysisError
-        As :func:`score_trial`.
+    Raises as :func:`score_trial`.
     """
     options = options or ScoreOptions()
     baseline = None
@@ -120,7 +111,7 @@ def score_plain(
         baseline = load_baseline(options.baseline)
     result = score_series(
         series,
-        window=options.window,
+        window=None if options.window is None else resolve_window(options.window, None),
         endpoints=options.endpoints,
         baseline=baseline,
         as_published=options.as_published,
@@ -131,7 +122,7 @@ def score_plain(
     return replace(result, rotdrift_version=VERSION)
 
 
-def trial_warnings(trial: RecordedTrial) -> tuple[str, ...]:
+def _trial_warnings(trial: RecordedTrial) -> tuple[str, ...]:
     """Return what makes a recorded trial doubtful beyond its motion and its losses."""
     warnings = [*trial.problems, *trial.damage]
     warnings += [

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
 import math
-import re
 from typing import TypeAlias
 
 from host.errors import UsageError
@@ -18,59 +16,22 @@ Window: TypeAlias = tuple[Bound, Bound]
 """Start and end."""
 
 
-def parse_bound(text: str) -> float | str:
-    """Return the value of ``--from`` or ``--to``; for argparse.
+def resolve_window(window: Window, trial: RecordedTrial | None) -> tuple[float | None, float | None]:
+    """Return a window with markers replaced by their times, seconds since the first sample.
 
-    Raises
-    ------
-    argparse.ArgumentTypeError
-        Neither seconds nor a marker.
-    """
-    if re.fullmatch(r"m[0-9]{1,5}", text):
-        return text
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not math.isfinite(seconds):
-        raise argparse.ArgumentTypeError(f"{text!r} is neither seconds (12.5) nor a marker (m1)")
-    return seconds
-
-
-def resolve_window(window: Window | None, trial: RecordedTrial | None) -> tuple[float | None, float | None] | None:
-    """Return a window with markers replaced by their times.
-
-    Parameters
-    ----------
-    window : (from, to) or None
-        As given.
-    trial : RecordedTrial or None
-        The recording; None where it is not ours and has no markers.
-
-    Returns
-    -------
-    (from, to) or None
-        Seconds since the first sample.
+    A recording that is not ours, ``trial`` None, has no markers.
 
     Raises
     ------
     UsageError
         There is no such marker; names those there are.
     """
-    if window is None:
-        return None
-    times_s = {} if trial is None else marker_times_s(trial)
+    times_s = {} if trial is None else _marker_times_s(trial)
     return _resolved(window[0], times_s), _resolved(window[1], times_s)
 
 
-def marker_times_s(trial: RecordedTrial) -> dict[str, float]:
-    """Return the markers of a recording: the operator's m1, m2, …; where there is none, the object's by their value.
-
-    Returns
-    -------
-    dict
-        Name to seconds since the first sample.
-    """
+def _marker_times_s(trial: RecordedTrial) -> dict[str, float]:
+    """Return the markers of a recording: the operator's m1, m2, …; where there is none, the object's by their value."""
     pressed = [action.time_s for action in trial.actions if action.kind == MARKER]
     if pressed:
         return {f"m{number}": time_s for number, time_s in enumerate(pressed, 1) if math.isfinite(time_s)}

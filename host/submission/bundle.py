@@ -15,7 +15,6 @@ import stat
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
@@ -43,38 +42,13 @@ class BundleError(Exception):
     """A bundle that is refused or cannot be read: not a zip, hostile, damaged, not ours; one sentence names why."""
 
 
-@dataclass(frozen=True)
-class BundleLimits:
-    """What a bundle may be at most."""
-
-    entries: int = MAX_ENTRIES
-    """Number of files."""
-    file_bytes: int = MAX_FILE_BYTES
-    """Size of one unpacked file, B."""
-    total_bytes: int = MAX_TOTAL_BYTES
-    """Sum of the unpacked files, B."""
-    ratio: float = MAX_RATIO
-    """Unpacked over packed, beyond ``RATIO_FREE_BYTES``."""
-
-
 def manifest_text(files: Mapping[str, bytes]) -> str:
-    """Write the manifest: one line ``sha256  name`` per file, sorted by name.
-
-    Parameters
-    ----------
-    files
-        Content by name; a manifest among them is left out.
-    """
+    """Return the manifest: one line ``sha256  name`` per file but itself, sorted by name."""
     return "".join(f"{hashlib.sha256(files[name]).hexdigest()}  {name}\n" for name in sorted(files) if name != MANIFEST)
 
 
 def bundle_bytes(files: Mapping[str, bytes]) -> bytes:
-    """Make the zip, with its manifest; the same content gives the same bytes.
-
-    Parameters
-    ----------
-    files
-        Content by name (forward slashes), without the manifest.
+    """Return the zip of files by name (forward slashes), with its manifest; the same content gives the same bytes.
 
     Raises
     ------
@@ -96,31 +70,19 @@ def bundle_bytes(files: Mapping[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def read_bundle(path: Path, limits: BundleLimits | None = None) -> dict[str, bytes]:
-    """Read every file of a bundle into memory, within limits.
-
-    Parameters
-    ----------
-    path
-        The zip.
-    limits
-        What it may be at most.
-
-    Returns
-    -------
-    Content by name, the manifest included.
+def read_bundle(path: Path) -> dict[str, bytes]:
+    """Read every file of a bundle, the manifest included, into memory, within limits; return them by name.
 
     Raises
     ------
     BundleError
-        Not a zip, damaged, or refused; one sentence says why.
+        Not a zip, damaged, or refused; one sentence names why.
     """
-    limits = limits or BundleLimits()
     try:
         with zipfile.ZipFile(path) as archive:
             entries = sorted(archive.infolist(), key=lambda entry: entry.header_offset)
             directory = archive.start_dir
-        _check_entries(entries, limits)
+        _check_entries(entries)
         with path.open("rb") as file:
             files = {entry.filename: _content(file, entry) for entry in entries}
             names = sum(len(entry.FileHeader()) - _LOCAL_HEADER for entry in entries)
@@ -137,16 +99,7 @@ def read_bundle(path: Path, limits: BundleLimits | None = None) -> dict[str, byt
 
 
 def read_folder(folder: Path) -> dict[str, bytes]:
-    """Read every file of an unpacked bundle, within the same limits; links are refused.
-
-    Parameters
-    ----------
-    folder
-        Where it was unpacked.
-
-    Returns
-    -------
-    Content by name, the manifest included.
+    """Read every file of an unpacked bundle as :func:`read_bundle`, within the same limits; links are refused.
 
     Raises
     ------
@@ -169,11 +122,7 @@ def read_folder(folder: Path) -> dict[str, bytes]:
 
 
 def check_manifest(files: Mapping[str, bytes]) -> tuple[str, ...]:
-    """Compare every file with the manifest.
-
-    Returns
-    -------
-    One sentence for each file that is altered, missing or not listed; empty when all is well.
+    """Return one sentence for each file that is altered, missing or not listed in the manifest.
 
     Raises
     ------
@@ -201,9 +150,9 @@ def check_manifest(files: Mapping[str, bytes]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _check_entries(entries: list[zipfile.ZipInfo], limits: BundleLimits) -> None:
-    if len(entries) > limits.entries:
-        raise BundleError(f"refused: {len(entries)} files, more than {limits.entries}")
+def _check_entries(entries: list[zipfile.ZipInfo]) -> None:
+    if len(entries) > MAX_ENTRIES:
+        raise BundleError(f"refused: {len(entries)} files, more than {MAX_ENTRIES}")
     seen: set[str] = set()
     total = 0
     for entry in entries:
@@ -217,13 +166,11 @@ def _check_entries(entries: list[zipfile.ZipInfo], limits: BundleLimits) -> None
             raise BundleError(f"refused: {plain(entry.filename)} is there twice")
         seen.add(entry.filename.lower())
         total += entry.file_size
-        if max(entry.file_size, entry.compress_size) > limits.file_bytes or total > limits.total_bytes:
+        if max(entry.file_size, entry.compress_size) > MAX_FILE_BYTES or total > MAX_TOTAL_BYTES:
             raise BundleError(f"refused: {plain(entry.filename)} claims {entry.file_size} bytes, {total} in all so far")
-        if entry.file_size > RATIO_FREE_BYTES and entry.file_size > limits.ratio * max(entry.compress_size, 1):
-            raise BundleError(
-                f"refused: {plain(entry.filename)} would unpack to {entry.file_size / max(entry.compress_size, 1):.0f} "
-                "times its size"
-            )
+        ratio = entry.file_size / max(entry.compress_size, 1)
+        if entry.file_size > RATIO_FREE_BYTES and ratio > MAX_RATIO:
+            raise BundleError(f"refused: {plain(entry.filename)} would unpack to {ratio:.0f} times its size")
 
 
 def _content(file: BinaryIO, entry: zipfile.ZipInfo) -> bytes:
@@ -247,14 +194,7 @@ def _content(file: BinaryIO, entry: zipfile.ZipInfo) -> bytes:
 def _check_name(name: str) -> None:
     """Refuse every name that could mean another place on some system."""
     path = PurePosixPath(name)
-    if (
-        not name
-        or len(name) > MAX_NAME
-        or name != str(path)
-        or path.is_absolute()
-        or ".." in path.parts
-        or "\\" in name
-        or ":" in name
-        or any(ord(character) < 32 or ord(character) == 127 for character in name)
-    ):
+    elsewhere = path.is_absolute() or ".." in path.parts or name != str(path)
+    odd = any(ord(character) < 32 or ord(character) == 127 or character in "\\:" for character in name)
+    if not name or len(name) > MAX_NAME or elsewhere or odd:
         raise BundleError(f"refused: a file named '{plain(name)}'")

@@ -21,14 +21,7 @@ from analysis.reporting.pdf import report_pdf
 from analysis.reporting.tables import pool, summary_csv, summary_latex, summary_markdown
 from host.errors import UsageError
 from host.submission.made_with import made_with
-from host.submission.manifest import (
-    CARD,
-    CONVENTIONS,
-    SCORE_VERSION,
-    SUBMISSION_FORMAT,
-    Submission,
-    submission_json,
-)
+from host.submission.manifest import CARD, CONVENTIONS, SCORE_VERSION, SUBMISSION_FORMAT, Submission, submission_json
 from host.submission.source import TrialSource
 from host.submission.trial_files import BuiltTrial, build_trial, trial_entry
 from host.submission.trial_labels import trial_labels
@@ -53,9 +46,9 @@ class BuiltSubmission:
     files: dict[str, bytes]
     """Every file but the manifest, by name."""
     submission: Submission
-    """What ``submission.json`` says."""
+    """``submission.json``."""
     notes: tuple[str, ...]
-    """What to tell the person: fields filled in, contradictions, formats left out."""
+    """For the person: fields filled in, contradictions, formats left out."""
 
 
 def build_submission(
@@ -65,18 +58,10 @@ def build_submission(
     versions: dict[str, str] | None = None,
     drawings: bool = True,
 ) -> BuiltSubmission:
-    """Score every trial and make every file of the submission.
+    """Score every trial and make every file of the submission; the order of the sources does not matter.
 
-    Parameters
-    ----------
-    sources : sequence of TrialSource
-        In any order; the result does not depend on it.
-    title : str, optional
-        Title of the report.
-    versions : dict, optional
-        What to write as ``made_with``; by default those installed here.
-    drawings : bool, optional
-        Whether to make figures and reports; without them only data and numbers are made.
+    ``versions`` is what to write as ``made_with``, by default those installed here. Without ``drawings`` only data and
+    numbers are made, neither figures nor reports.
 
     Raises
     ------
@@ -107,13 +92,13 @@ def build_submission(
         "CITATION.txt": CITATION.format(version=versions.get("rotdrift", "")).encode(),
     }
     for trial in trials:
-        files.update({f"trials/{trial.report.id}/{name}": content for name, content in trial.files.items()})
+        files |= {f"trials/{trial.report.id}/{name}": content for name, content in trial.files.items()}
     if drawings:
-        files.update(_drawings(trials, title, versions.get("rotdrift", "")))
-    notes = _notes(trials)
+        files |= _drawings(trials, title, versions.get("rotdrift", ""))
+    notes = [f"{trial.report.id}: {note}" for trial in trials for note in trial.report.notes]
     if "pyarrow" not in versions:
-        notes += ("no samples as parquet: that needs pyarrow (pip install 'rotdrift[parquet]')",)
-    return BuiltSubmission(files, submission, notes)
+        notes.append("no samples as parquet: that needs pyarrow (pip install 'rotdrift[parquet]')")
+    return BuiltSubmission(files, submission, tuple(notes))
 
 
 def _refuse_twins(sources: Sequence[TrialSource]) -> None:
@@ -136,7 +121,7 @@ def _drawings(trials: Sequence[BuiltTrial], title: str, version: str) -> dict[st
     }
     pooled = pool([report.figure for report in reports])
     forest = {kind: forest_bytes(pooled, kind) for kind in style.FORMATS}
-    files.update({f"figures/summary.{kind}": content for kind, content in forest.items()})
+    files |= {f"figures/summary.{kind}": content for kind, content in forest.items()}
     files["report.html"] = report_html(reports, title=title, version=version, drawn=drawn, forest=forest).encode()
     files["report.pdf"] = report_pdf(reports, title=title, version=version, drawn=drawn, forest=forest)
     return files
@@ -168,7 +153,3 @@ def _stem(trial: BuiltTrial) -> str:
 def _slug(text: str) -> str:
     flat = unicodedata.normalize("NFKD", text.replace("⌀", " d ").replace("×", "x")).encode("ascii", "ignore").decode()
     return re.sub(r"[^a-z0-9]+", "-", flat.lower()).strip("-")[:40].strip("-") or "x"
-
-
-def _notes(trials: Sequence[BuiltTrial]) -> tuple[str, ...]:
-    return tuple(f"{trial.report.id}: {note}" for trial in trials for note in trial.report.notes)

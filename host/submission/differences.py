@@ -22,16 +22,10 @@ _NUMBER = re.compile(r"-?\d+\.?\d*(?:[eE][-+]?\d+)?|-?\.\d+")
 
 
 def content_differences(name: str, claimed: bytes, made: bytes) -> list[str]:
-    """Return how a file differs from the same file made again; empty where only last digits do.
+    """Return how a file that a submission claims differs from the same file made again; empty where last digits do.
 
-    Parameters
-    ----------
-    name : str
-        Its suffix decides how it is read: JSON and CSV by value, any other file byte by byte.
-    claimed : bytes
-        What the submission holds; nothing in it is trusted, and what cannot be read is a difference.
-    made : bytes
-        What its sources give.
+    The suffix of its name decides how it is read: JSON and CSV by value, any other file byte by byte. Nothing in what
+    is claimed is trusted, and what cannot be read is a difference.
     """
     if claimed == made:
         return []

@@ -40,13 +40,7 @@ def made_with() -> dict[str, str]:
 
 
 def other_versions(claimed: Mapping[str, str]) -> dict[str, str]:
-    """Return what here differs from the versions a submission claims, each as ``name version (here version)``.
-
-    Parameters
-    ----------
-    claimed : mapping
-        ``made_with`` of the submission.
-    """
+    """Return what here differs from the versions a submission claims, each as ``name version (here version)``."""
     ours = made_with()
     return {
         name: f"{name} {claimed.get(name, 'none')} (here {ours.get(name, 'none')})"
@@ -61,13 +55,5 @@ def is_drawn(name: str) -> bool:
 
 
 def decides(library: str, name: str) -> bool:
-    """Return whether a version decides the bytes of a file.
-
-    Parameters
-    ----------
-    library : str
-        A key of :func:`made_with`.
-    name : str
-        The file within the submission.
-    """
+    """Return whether the version of a library, a key of :func:`made_with`, decides the bytes of a file."""
     return library in _OF_PARQUET if name.endswith(PARQUET) else is_drawn(name) and library != "pyarrow"

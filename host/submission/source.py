@@ -70,15 +70,12 @@ class TrialSource:
     """One trial before anything is computed."""
 
     file_name: str
-    """Bare name of the recording."""
     data: bytes
     """The recording; empty where it is a folder."""
     cards: Cards
     """As read from the card files, before the object fills them."""
     choices: Choices = Choices()
-    """What a person chose."""
     baseline: bytes | None = None
-    """File of the static baseline."""
     folder: tuple[tuple[str, bytes], ...] = ()
     """A ROS 2 bag is a folder: name and content of each file in it, sorted; empty for a single file."""
 
@@ -133,10 +130,9 @@ def load_source(recording: Path, cards: Cards, choices: Choices, baseline: Path 
         if recording.is_dir():
             return TrialSource(name, b"", cards, choices, rest, _bag(recording))
         _refuse_large(recording, recording.stat().st_size)
-        data = recording.read_bytes()
+        return TrialSource(name, recording.read_bytes(), cards, choices, rest)
     except OSError as error:
         raise unreadable(error.filename, error) from error
-    return TrialSource(name, data, cards, choices, rest)
 
 
 def _bag(folder: Path) -> tuple[tuple[str, bytes], ...]:

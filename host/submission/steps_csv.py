@@ -15,10 +15,7 @@ from analysis.scoring.result import Result
 def steps_csv_text(result: Result) -> str:
     """Return one row per step: cycle, angle in deg, rotation vector in deg (world frame), flags of its end.
 
-    Parameters
-    ----------
-    result : Result
-        The score; without a valid one there is only the header.
+    Without a valid score there is only the header.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")

@@ -33,15 +33,8 @@ class BuiltTrial:
     """Its files by name within its folder, without figures."""
 
 
-def build_trial(source: TrialSource, *, parquet: bool = True) -> BuiltTrial:
-    """Return one trial, scored, with its files.
-
-    Parameters
-    ----------
-    source : TrialSource
-        Its recording, cards and choices.
-    parquet : bool, optional
-        Whether the samples are written as parquet too.
+def build_trial(source: TrialSource, *, parquet: bool) -> BuiltTrial:
+    """Return one trial, scored, with its files; the samples as ``parquet`` too where asked for.
 
     Raises
     ------

@@ -24,21 +24,13 @@ MAX_LABEL = 60
 def trial_labels(cards: Sequence[Cards], files: Sequence[str]) -> list[tuple[str, str, str]]:
     """Return hand, object and motion of every trial, so that only repeats have all three in common.
 
-    Parameters
-    ----------
-    cards : sequence of Cards
-        Of each trial, filled from the object's own.
-    files : sequence of str
-        Name of each recording, without its ending: recordings of which no motion is known are no repeats.
-
-    Returns
-    -------
-    list of (hand, object, motion)
+    The cards are those filled from the object's own. ``files`` are the names of the recordings, without their ending:
+    recordings of which no motion is known are not repeats.
     """
     rows = [
         {table.title: {row.label: row.value for row in table.rows} for table in card_tables(card)} for card in cards
     ]
-    everywhere = ["" for _ in cards]
+    everywhere = [""] * len(cards)
     objects = _apart([object_name(card) for card in cards], everywhere, [row["Object"] for row in rows], OBJECT_LABELS)
     motions = [
         motion_name(card) if card.trial.motion else f"{motion_name(card)} ({file})"

@@ -31,17 +31,14 @@ class Verification:
     digest: str
     """SHA-256 of the manifest: names the whole submission."""
     n_files: int
-    """Files in the bundle."""
     n_trials: int
-    """Trials in it."""
     altered: tuple[str, ...]
     """What does not fit the manifest."""
     differences: tuple[str, ...]
     """What comes out otherwise when made again, and by how much."""
     notes: tuple[str, ...] = ()
-    """Versions that differ."""
     uncompared: Mapping[str, str] = field(default_factory=dict)
-    """Files that could not be compared, with the reason; ``equal`` says nothing of them."""
+    """Files that could not be compared, with the reason; ``equal`` does not cover them."""
 
     @property
     def equal(self) -> bool:
@@ -50,14 +47,9 @@ class Verification:
 
 
 def verify_bundle(path: Path, *, drawings: bool = True) -> Verification:
-    """Verify a bundle.
+    """Verify a bundle, the zip or a folder it was unpacked to.
 
-    Parameters
-    ----------
-    path : Path
-        The zip, or a folder it was unpacked to.
-    drawings : bool
-        Whether to make figures and reports again too, which takes most of the time.
+    To make the ``drawings``, figures and reports, again too takes most of the time.
 
     Raises
     ------
@@ -73,17 +65,7 @@ def verify_bundle(path: Path, *, drawings: bool = True) -> Verification:
 
 
 def verify_files(files: Mapping[str, bytes], altered: tuple[str, ...] = (), *, drawings: bool = True) -> Verification:
-    """Verify the files of a submission, wherever they come from.
-
-    Parameters
-    ----------
-    files : mapping
-        Content by name, the manifest included.
-    altered : tuple of str
-        What :func:`~host.submission.bundle.check_manifest` found.
-    drawings : bool
-        As for :func:`verify_bundle`.
-    """
+    """Verify the files of a submission, the manifest included; ``altered`` is what comparing them with it found."""
     digest = hashlib.sha256(files[MANIFEST]).hexdigest()
     try:
         claimed = parse_submission(files.get("submission.json", b""))

@@ -27,7 +27,7 @@ def test_constant_drift_is_found_exactly(theta_deg, n):
     assert drift.theta_bar_deg == pytest.approx(theta_deg, rel=1e-7)
     np.testing.assert_allclose(drift.axis, AXIS, atol=1e-6)
     np.testing.assert_allclose(drift.steps_deg, theta_deg, rtol=1e-6)
-    assert drift.n_endpoints == n
+    assert len(drift.steps_deg) == n - 1
     assert drift.top_eigenvalue_share == pytest.approx(1.0, abs=1e-12)
 
 

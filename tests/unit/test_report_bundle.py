@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from host.submission import bundle
 from host.submission.bundle import (
     MANIFEST,
     BundleError,
-    BundleLimits,
     bundle_bytes,
     check_manifest,
     manifest_text,
@@ -108,13 +108,14 @@ def test_names_that_leave_the_folder_are_refused(tmp_path, name):
             bundle_bytes({name: b""})
 
 
-def test_links_twins_and_crowds_are_refused(tmp_path):
+def test_links_twins_and_crowds_are_refused(tmp_path, monkeypatch):
     with pytest.raises(BundleError, match="link or device"):
         read_bundle(zip_of([("link", b"/etc/passwd")], tmp_path / "a.zip", attributes=0o120777 << 16))
     with pytest.raises(BundleError, match="twice"):
         read_bundle(zip_of([("a", b"1"), ("A", b"2")], tmp_path / "b.zip"))
+    monkeypatch.setattr(bundle, "MAX_ENTRIES", 5)
     with pytest.raises(BundleError, match="more than 5"):
-        read_bundle(zip_of([(str(k), b"") for k in range(6)], tmp_path / "c.zip"), BundleLimits(entries=5))
+        read_bundle(zip_of([(str(k), b"") for k in range(6)], tmp_path / "c.zip"))
 
 
 def test_an_encrypted_entry_is_refused(tmp_path):
@@ -125,14 +126,15 @@ def test_an_encrypted_entry_is_refused(tmp_path):
         read_bundle(write(tmp_path / "b.zip", bytes(data)))
 
 
-def test_bombs_are_refused_before_they_are_unpacked(tmp_path):
+def test_bombs_are_refused_before_they_are_unpacked(tmp_path, monkeypatch):
     bomb = zip_of([("zeros", bytes(40 * 2**20))], tmp_path / "bomb.zip")
     assert bomb.stat().st_size < 100_000
     with pytest.raises(BundleError, match="times its size"):
         read_bundle(bomb)
     many = zip_of([(f"z{k}", bytes(2**20)) for k in range(20)], tmp_path / "many.zip")
+    monkeypatch.setattr(bundle, "MAX_TOTAL_BYTES", 10 * 2**20)
     with pytest.raises(BundleError, match="in all"):
-        read_bundle(many, BundleLimits(total_bytes=10 * 2**20))
+        read_bundle(many)
 
 
 def test_a_lie_about_the_size_is_noticed_while_unpacking(tmp_path):

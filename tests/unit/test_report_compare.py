@@ -168,8 +168,7 @@ def test_the_site_has_a_page_per_hand_and_object_and_only_relative_links(compari
 
 
 def test_the_forest_plot_is_drawn_for_rows_without_score_and_odd_names(comparison):
-    with look.style():
-        figure = forest_figure(comparison.rows)
+    figure = forest_figure(comparison.rows)
     assert look.figure_bytes(figure, "svg").startswith(b"<?xml")
     assert "<script>alert" not in comparison_html(comparison, "0")
 
@@ -177,8 +176,7 @@ def test_the_forest_plot_is_drawn_for_rows_without_score_and_odd_names(compariso
 def test_very_long_names_leave_room_for_the_plot():
     names = ["W" * 200, "x" * 199 + "手", ""]
     rows = pool([trial(name, 1.0, (0.5, 1.5), thing="M" * 200, motion="m" * 200) for name in names])
-    with look.style():
-        assert look.figure_bytes(forest_figure(rows), "png").startswith(b"\x89PNG")  # a warning would be an error
+    assert look.figure_bytes(forest_figure(rows), "png").startswith(b"\x89PNG")  # a warning would be an error
 
 
 @pytest.fixture

@@ -46,9 +46,8 @@ def spin(degrees_total, n=2001):
 
 
 def test_every_format_is_drawn_and_the_same_input_gives_the_same_bytes(trial):
-    with look.style():
-        again = {name: make_figure(trial.series, trial.result, name) for name in ("steps", "drift")}
-        once = {name: make_figure(trial.series, trial.result, name) for name in ("steps", "drift")}
+    again = {name: make_figure(trial.series, trial.result, name) for name in ("steps", "drift")}
+    once = {name: make_figure(trial.series, trial.result, name) for name in ("steps", "drift")}
     for name, figure in again.items():
         for kind, signature in SIGNATURES.items():
             content = look.figure_bytes(figure, kind)
@@ -72,16 +71,14 @@ def test_a_trial_without_positions_has_all_figures_but_translation_and_no_settin
 def test_one_page_of_a_trial_and_without_a_score_the_motion_alone():
     series = simulate(cycles=6).series
     result = score_series(series)
-    with look.style():
-        assert len(summary_figure(series, result, "a trial").axes) == 3
-        alone = summary_figure(series, structs.replace(result, theta_bar_deg=None, valid=False), "no score\nthe reason")
+    assert len(summary_figure(series, result, "a trial").axes) == 3
+    alone = summary_figure(series, structs.replace(result, theta_bar_deg=None, valid=False), "no score\nthe reason")
     assert [axes.get_ylabel() for axes in alone.axes] == ["rotation about the\nmotion axis (°)"]
     assert alone.get_suptitle() == "no score\nthe reason"
 
 
 def test_the_end_points_of_every_body_axis_are_numbered(trial):
-    with look.style():
-        figure = make_figure(trial.series, trial.result, "sphere")
+    figure = make_figure(trial.series, trial.result, "sphere")
     panels = [ax for ax in figure.axes if ax.get_title().startswith("object ")]
     assert [ax.get_title() for ax in panels] == ["object x", "object y", "object z"]
     for number, ax in enumerate(panels):
@@ -101,7 +98,7 @@ def test_positions_make_a_translation_cloud_in_mm(trial):
         positions_m=np.outer(trial.series.times_s, [0.001, 0.0, 0.0]),
     )
     clouds = clouds_of(series, trial.result)
-    since = clouds.endpoint_times_s - clouds.endpoint_times_s[0]
+    since = trial.result.endpoint_times_s - trial.result.endpoint_times_s[0]
     np.testing.assert_allclose(clouds.endpoint_positions_mm[:, 0], since, atol=1e-9)
     with look.style():
         from analysis.reporting.cloud_figures import translation_cloud_figure
@@ -125,7 +122,8 @@ def test_body_axes_are_the_columns_of_the_rotation_matrix(trial):
 
 def test_end_points_lie_in_their_cloud(trial):
     clouds = clouds_of(trial.series, trial.result)
-    for at, vector in zip(clouds.endpoint_times_s, clouds.endpoint_rotvecs_deg, strict=True):
+    since = trial.result.endpoint_times_s - trial.series.times_s[0]
+    for at, vector in zip(since, clouds.endpoint_rotvecs_deg, strict=True):
         nearest = clouds.rotvecs_deg[np.argmin(np.abs(clouds.times_s - at))]
         assert np.linalg.norm(nearest - vector) < 0.5
     assert clouds.scored.sum() == pytest.approx(len(clouds.scored) * 20 / 30, rel=0.1)

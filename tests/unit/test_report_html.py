@@ -10,10 +10,12 @@ from dataclasses import replace
 import pytest
 from msgspec import structs
 
+from analysis.reporting.comparison import forest_bytes
 from analysis.reporting.figure_set import draw_figures
 from analysis.reporting.html import report_html
 from analysis.reporting.interactive import BUNDLE, plotly_base64
 from analysis.reporting.pdf import report_pdf
+from analysis.reporting.tables import pool
 from analysis.reporting.wording import cycle_rows, methods_text
 from analysis.scoring.result_parts import ExcludedCycle
 from analysis.scoring.trial import score_series
@@ -35,8 +37,14 @@ def drawn(trials):
 
 
 @pytest.fixture(scope="module")
-def page(trials, drawn):
-    return report_html(trials, title=f"Submission {HOSTILE}", version="0.1.0", drawn=drawn)
+def forest(trials):
+    pooled = pool([trial.figure for trial in trials])
+    return {kind: forest_bytes(pooled, kind) for kind in ("svg", "png")}
+
+
+@pytest.fixture(scope="module")
+def page(trials, drawn, forest):
+    return report_html(trials, title=f"Submission {HOSTILE}", version="0.1.0", drawn=drawn, forest=forest)
 
 
 class Reader(html.parser.HTMLParser):
@@ -110,10 +118,11 @@ def test_only_the_3d_bundle_of_plotly_is_embedded_and_its_size_is_said(page):
     assert said == pytest.approx(len(page.encode()) / 1e6, abs=0.011)
 
 
-def test_reports_are_the_same_every_time(page, trials, drawn):
-    assert report_html(trials, title=f"Submission {HOSTILE}", version="0.1.0", drawn=drawn) == page
-    once = report_pdf(trials, title=HOSTILE, version="0.1.0", drawn=drawn)
-    assert once == report_pdf(trials, title=HOSTILE, version="0.1.0", drawn=drawn)
+def test_reports_are_the_same_every_time(page, trials, drawn, forest):
+    again = report_html(trials, title=f"Submission {HOSTILE}", version="0.1.0", drawn=drawn, forest=forest)
+    assert again == page
+    once = report_pdf(trials, title=HOSTILE, version="0.1.0", drawn=drawn, forest=forest)
+    assert once == report_pdf(trials, title=HOSTILE, version="0.1.0", drawn=drawn, forest=forest)
     assert once.startswith(b"%PDF")
 
 
@@ -124,12 +133,12 @@ def test_a_trial_without_score_claims_none(trials, drawn):
             trials[0].result, valid=False, theta_bar_deg=None, reasons=("nothing moves",), steps_deg=()
         ),
     )
-    page = report_html([refused], title="x", version="0", drawn=drawn)
+    page = report_html([refused], title="x", version="0", drawn=drawn, forest={})
     assert "No score is claimed" in page
     assert "nothing moves" in page
     assert "θ̄ = " not in Reader(page).text[0]
     assert 'class="value"' not in page
-    assert report_pdf([refused], title="x", version="0", drawn=drawn).startswith(b"%PDF")
+    assert report_pdf([refused], title="x", version="0", drawn=drawn, forest={}).startswith(b"%PDF")
 
 
 def test_cycles_left_out_by_a_person_are_said_with_the_reason(trials):

@@ -36,7 +36,9 @@ def figures(trial):
 
 
 def pdf(trials, figures, title="Submission"):
-    found = report_pdf(trials, title=title, version="0.1.0", drawn={trial.id: figures for trial in trials})
+    forest = {"png": figures[0].files["png"]}
+    drawn = {trial.id: figures for trial in trials}
+    found = report_pdf(trials, title=title, version="0.1.0", drawn=drawn, forest=forest)
     return PdfReader(io.BytesIO(found))
 
 
@@ -74,7 +76,7 @@ def test_every_figure_is_there_once_and_no_larger_than_it_was_drawn(trial, figur
     assert [figure.name for figure in figures] == [name for name in CAPTIONS if name != "translation_cloud"]
     assert sum(len(page.images) for page in reader.pages) == len(figures)
     largest = sum(len(figure.files["png"]) for figure in figures) + 100_000
-    assert len(report_pdf([trial], title="x", version="0", drawn={trial.id: figures})) < largest
+    assert len(report_pdf([trial], title="x", version="0", drawn={trial.id: figures}, forest={})) < largest
 
 
 def test_pages_are_numbered_and_name_the_report(trial, figures):
@@ -165,7 +167,7 @@ from analysis.scoring.summary import interval_text, trust_rows
 from tests.scored_trials import trial_report
 trial = trial_report(cycles=5, slip_deg=0.0)
 figures = (NamedFigure("a", "caption", {"png": open(sys.argv[1], "rb").read()}),)
-data = report_pdf([trial], title="θ̄", version="0.1.0", drawn={trial.id: figures})
+data = report_pdf([trial], title="θ̄", version="0.1.0", drawn={trial.id: figures}, forest={})
 print(__import__("hashlib").sha256(data).hexdigest())
 """
 
@@ -174,7 +176,7 @@ def test_two_processes_write_the_same_bytes(trial, figures, tmp_path):
     picture = tmp_path / "a.png"
     picture.write_bytes(figures[-1].files["png"])
     one = (NamedFigure("a", "caption", {"png": figures[-1].files["png"]}),)
-    here = report_pdf([trial], title="θ̄", version="0.1.0", drawn={trial.id: one})
+    here = report_pdf([trial], title="θ̄", version="0.1.0", drawn={trial.id: one}, forest={})
     for seed, zone in (("0", "UTC"), ("7", "Asia/Kathmandu")):
         folder = tmp_path / seed
         folder.mkdir()

@@ -83,6 +83,12 @@ def test_numbers_stay_whole_beside_a_long_reason():
     assert "".join(folded).replace(" ", "") == why.replace(" ", "")
 
 
+def test_a_motion_with_several_peaks_a_cycle_is_named():
+    found = score_series(simulate(cycles=9).series)
+    assert "peaks a cycle" not in shown(found, 400)
+    assert "2 peaks a cycle" in shown(replace(found, cycles=replace(found.cycles, humps=2)), 400)
+
+
 def test_below_the_floor_stands_beside_the_number():
     series = simulate(cycles=9, drift_deg=0.02).series
     walk = StaticBaseline((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), 0.01, 0.0, 120.0, 12000)

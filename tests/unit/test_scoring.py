@@ -113,7 +113,9 @@ def test_bare_numbers_name_rows_or_sequence_numbers(trial):
     choice = EndpointChoice("index", tuple(float(row) for row in true_rows(trial)))
     for kind in ("row", "sequence"):
         series = replace(trial.series, index_kind=kind)
-        assert [point.index for point in score_series(series, endpoints=choice).endpoints] == true_rows(trial)
+        for chosen in (choice, true_rows(trial)):
+            found = score_series(series, endpoints=chosen).endpoints
+            assert [getattr(point, kind) for point in found] == true_rows(trial)
 
 
 def test_chosen_rows_may_be_set_aside_ones(trial):

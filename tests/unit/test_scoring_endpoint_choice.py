@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.scoring.choice import EndpointChoice, as_choice, load_endpoints, parse_endpoints
+from analysis.scoring.choice import EndpointChoice, load_endpoints, parse_endpoints
 from analysis.series import ReaderError
 
 
@@ -77,12 +77,6 @@ def test_csv_that_is_none(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(ReaderError, match=message):
         load_endpoints(path)
-
-
-def test_plain_lists_take_the_name_of_the_recording():
-    assert as_choice([1, 5], "sequence") == EndpointChoice("sequence", (1.0, 5.0))
-    choice = EndpointChoice("time_s", (0.5, 1.5))
-    assert as_choice(choice, "row") is choice
 
 
 def test_a_choice_checks_itself():

@@ -6,7 +6,7 @@ from scipy import stats
 
 from analysis.geometry import rotations
 from analysis.scoring.interval import MAX_CORRELATION, drift_interval, hotelling_p
-from analysis.sensor.baseline import detectable_drift_deg, heading_drift_bound_deg
+from analysis.sensor.baseline import StaticBaseline
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3.0
 
@@ -86,28 +86,33 @@ def test_hotelling_equals_its_textbook_form():
     vectors = rng.normal(size=(9, 3)) @ rng.normal(size=(3, 3)) + [0.3, -0.2, 0.5]
     mean, scatter = vectors.mean(axis=0), np.cov(vectors.T)
     t_squared = 9 * mean @ np.linalg.solve(scatter, mean)
-    assert hotelling_p(vectors) == pytest.approx(stats.f.sf(t_squared * 6 / (3 * 8), 3, 6), rel=1e-9)
+    assert hotelling_p(vectors, 1.0) == pytest.approx(stats.f.sf(t_squared * 6 / (3 * 8), 3, 6), rel=1e-9)
     assert hotelling_p(vectors, 2.0) == pytest.approx(stats.f.sf(t_squared / 2 * 6 / (3 * 8), 3, 6), rel=1e-9)
 
 
 def test_hotelling_is_a_t_test_when_all_is_along_one_axis():
     values = np.array([0.4, -0.1, 0.3, 0.2, 0.6, -0.3])
     expected = stats.ttest_1samp(values, 0.0).pvalue
-    assert hotelling_p(values[:, None] * AXIS * 1e-3) == pytest.approx(expected, rel=1e-9)
+    assert hotelling_p(values[:, None] * AXIS * 1e-3, 1.0) == pytest.approx(expected, rel=1e-9)
 
 
 def test_hotelling_p_is_uniform_without_drift():
     rng = np.random.default_rng(4)
-    values = [hotelling_p(rng.normal(size=(6, 3))) for _ in range(600)]
+    values = [hotelling_p(rng.normal(size=(6, 3)), 1.0) for _ in range(600)]
     assert stats.kstest(values, "uniform").pvalue > 0.01
 
 
+def sensor(rate_deg_per_min, noise_deg=0.0, walk_deg_per_sqrt_s=0.0):
+    rate = (0.0, 0.0, rate_deg_per_min)
+    return StaticBaseline(rate, (0.0, 0.0, 0.0), noise_deg, walk_deg_per_sqrt_s, duration_s=600.0, n_samples=60_000)
+
+
 def test_heading_drift_bound():
-    assert heading_drift_bound_deg(-6.0, 14.5) == pytest.approx(1.45)
+    assert sensor(-6.0).per_cycle_deg(14.5) == pytest.approx(1.45)
 
 
 def test_detectable_drift_of_pure_heading_is_rate_times_period():
-    assert detectable_drift_deg(np.array([0.0, 0.0, 1.0]), 0.0, 0.0, 5.0, 10) == pytest.approx(1 / 12)
+    assert sensor(1.0).detectable_deg(5.0, 10) == pytest.approx(1 / 12)
 
 
 @pytest.mark.parametrize(
@@ -120,8 +125,8 @@ def test_detectable_drift_equals_simulation(rate, noise, walk):
     wander = rng.normal(scale=walk * np.sqrt((n - 1) * period) / np.sqrt(3), size=(trials, 3))
     theta = np.linalg.norm((end - start + wander) / (n - 1) + np.array([0, 0, rate * period / 60]), axis=1)
     expected = np.percentile(theta, 95)
-    assert detectable_drift_deg(np.array([0, 0, rate]), noise, walk, period, n) == pytest.approx(expected, rel=0.02)
+    assert sensor(rate, noise, walk).detectable_deg(period, n) == pytest.approx(expected, rel=0.02)
 
 
 def test_a_degree_a_minute_hides_a_tenth_of_a_degree_at_five_seconds():
-    assert detectable_drift_deg(np.array([0.0, 0.0, 1.0]), 0.05, 0.01, 5.0, 8) == pytest.approx(0.1, abs=0.02)
+    assert sensor(1.0, 0.05, 0.01).detectable_deg(5.0, 8) == pytest.approx(0.1, abs=0.02)
