@@ -211,7 +211,7 @@ def draw_sensitivity(figure: FigureBase, result: Result) -> None:
     ax.set_xlabel("θ̄ (° per cycle)")
 
 
-def link_figure(series: OrientationSeries, losses: Losses | None = None) -> style.PaperFigure:
+def link_figure(series: OrientationSeries, losses: Losses | None) -> style.PaperFigure:
     """Draw the quality of the samples: their distance over time, where some are missing, and the link's account."""
     figure = style.new_figure(1.45 if losses is None else 1.7)
     ax = figure.subplots()
