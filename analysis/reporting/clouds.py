@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from analysis.geometry import rotations
+from analysis.scoring.diagnostics import positions_at
 from analysis.scoring.result import Result
 from analysis.series import FloatArray, OrientationSeries
 
@@ -54,7 +55,11 @@ def clouds_of(series: OrientationSeries, result: Result, max_points: int = MAX_C
     track = -track if track[anchor, 0] < 0.0 else track
     vectors = np.empty((len(order), 3))
     vectors[order] = np.degrees(_full_log(track))
-    positions_mm, endpoint_positions_mm = _positions(series, rows, times_s)
+    positions_mm, endpoint_positions_mm, at_endpoints = None, None, positions_at(series, times_s)
+    if series.positions_m is not None and at_endpoints is not None:
+        origin = at_endpoints[0] if len(times_s) else series.positions_m[0]
+        positions_mm = (series.positions_m[rows] - origin) * 1000.0
+        endpoint_positions_mm = (at_endpoints - origin) * 1000.0
     start_s, end_s = (times_s[0], times_s[-1]) if len(times_s) else (np.inf, -np.inf)
     samples_s = series.times_s[rows]
     return Clouds(
@@ -103,15 +108,3 @@ def _full_log(quats: FloatArray) -> FloatArray:
     angle = 2.0 * np.arctan2(length, quats[:, 0])
     factor: FloatArray = np.divide(angle, length, out=np.full_like(length, 2.0), where=length > 1e-12)
     return quats[:, 1:] * factor[:, None]
-
-
-def _positions(
-    series: OrientationSeries, rows: npt.NDArray[np.int64], times_s: FloatArray
-) -> tuple[FloatArray | None, FloatArray | None]:
-    if series.positions_m is None:
-        return None, None
-    at_endpoints = np.stack(
-        [np.interp(times_s, series.times_s, series.positions_m[:, column]) for column in range(3)], axis=-1
-    )
-    origin = at_endpoints[0] if len(times_s) else series.positions_m[0]
-    return (series.positions_m[rows] - origin) * 1000.0, (at_endpoints - origin) * 1000.0

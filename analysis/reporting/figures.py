@@ -106,36 +106,35 @@ def drift_figure(result: Result) -> style.PaperFigure:
     quats = result.endpoint_quats_wxyz
     figure = style.new_figure(2.1)
     ax = figure.subplots()
-    if len(quats):
-        vectors = np.degrees(rotations.log(rotations.difference(quats, quats[0])))
-        # The plane of the two largest axes of the path; each axis with its largest part positive, so that no sign is
-        # left to the processor.
-        values, axes = np.linalg.eigh(vectors.T @ vectors)
-        plane = axes[:, np.argsort(values)[::-1][:2]]
-        plane = plane * np.where(plane[np.abs(plane).argmax(axis=0), [0, 1]] < 0, -1.0, 1.0)
-        flat = vectors @ plane
-        ax.plot(flat[:, 0], flat[:, 1], "-", color=style.GREY, lw=0.7, zorder=2)
-        ax.scatter(
-            flat[:, 0], flat[:, 1], s=16, c=np.arange(len(flat)), cmap="viridis", zorder=3, edgecolors="white", lw=0.4
-        )
-        arrow = {"arrowstyle": "->", "color": style.VERMILION, "lw": 1.0, "shrinkA": 3, "shrinkB": 3}
-        ax.annotate("", flat[-1], flat[0], arrowprops=arrow, zorder=1)
-        shares = np.sort(values)[::-1] / max(float(values.sum()), 1e-300)
-        for set_label, column in ((ax.set_xlabel, 0), (ax.set_ylabel, 1)):
-            set_label(f"rotation about{' ' if column == 0 else chr(10)}{vector_text(plane[:, column])} (°)")
-        net = float(np.linalg.norm(vectors[-1]))
-        ax.set_title(
-            f"arrow: first to last end point, {net:.2f}° in {len(quats) - 1} cycles\n"
-            f"{100 * shares[:2].sum():.0f} % of the wandering lies in this plane",
-            fontsize=6.5,
-            color=style.GREY,
-        )
-        middle, half = 0.5 * (flat.max(axis=0) + flat.min(axis=0)), 0.6 * max(float(np.ptp(flat, axis=0).max()), 1e-6)
-        tall = max(0.65 * float(np.ptp(flat[:, 1])), 0.3 * half)
-        ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - tall, middle[1] + tall))
-        ax.set_aspect("equal", adjustable="box")
-        style.settle(figure)
-        draw_numbers(ax, flat)
+    vectors = np.degrees(rotations.log(rotations.difference(quats, quats[0])))
+    # The plane of the two largest axes of the path; each axis with its largest part positive, so that no sign is
+    # left to the processor.
+    values, axes = np.linalg.eigh(vectors.T @ vectors)
+    plane = axes[:, np.argsort(values)[::-1][:2]]
+    plane = plane * np.where(plane[np.abs(plane).argmax(axis=0), [0, 1]] < 0, -1.0, 1.0)
+    flat = vectors @ plane
+    ax.plot(flat[:, 0], flat[:, 1], "-", color=style.GREY, lw=0.7, zorder=2)
+    ax.scatter(
+        flat[:, 0], flat[:, 1], s=16, c=np.arange(len(flat)), cmap="viridis", zorder=3, edgecolors="white", lw=0.4
+    )
+    arrow = {"arrowstyle": "->", "color": style.VERMILION, "lw": 1.0, "shrinkA": 3, "shrinkB": 3}
+    ax.annotate("", flat[-1], flat[0], arrowprops=arrow, zorder=1)
+    shares = np.sort(values)[::-1] / max(float(values.sum()), 1e-300)
+    for set_label, column in ((ax.set_xlabel, 0), (ax.set_ylabel, 1)):
+        set_label(f"rotation about{' ' if column == 0 else chr(10)}{vector_text(plane[:, column])} (°)")
+    net = float(np.linalg.norm(vectors[-1]))
+    ax.set_title(
+        f"arrow: first to last end point, {net:.2f}° in {len(quats) - 1} cycles\n"
+        f"{100 * shares[:2].sum():.0f} % of the wandering lies in this plane",
+        fontsize=6.5,
+        color=style.GREY,
+    )
+    middle, half = 0.5 * (flat.max(axis=0) + flat.min(axis=0)), 0.6 * max(float(np.ptp(flat, axis=0).max()), 1e-6)
+    tall = max(0.65 * float(np.ptp(flat[:, 1])), 0.3 * half)
+    ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - tall, middle[1] + tall))
+    ax.set_aspect("equal", adjustable="box")
+    style.settle(figure)
+    draw_numbers(ax, flat)
     return figure
 
 
@@ -211,7 +210,7 @@ def draw_sensitivity(figure: FigureBase, result: Result) -> None:
     ax.set_xlabel("θ̄ (° per cycle)")
 
 
-def link_figure(series: OrientationSeries, losses: Losses | None = None) -> style.PaperFigure:
+def link_figure(series: OrientationSeries, losses: Losses | None) -> style.PaperFigure:
     """Draw the quality of the samples: their distance over time, where some are missing, and the link's account."""
     figure = style.new_figure(1.45 if losses is None else 1.7)
     ax = figure.subplots()

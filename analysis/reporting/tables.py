@@ -143,7 +143,7 @@ def summary_markdown(rows: Sequence[SummaryRow]) -> str:
     """Return the summary as a Markdown table."""
     lines = ["| " + " | ".join(COLUMNS) + " |", "|---|---|---|---:|---:|---:|---:|"]
     for row in rows:
-        cells = [_escaped(cell, "\\`*_{}[]<>#|", "\\") for cell in (row.hand, row.object, row.motion)]
+        cells = [_escaped(cell) for cell in (row.hand, row.object, row.motion)]
         lines.append("| " + " | ".join([*cells, *row.figures]) + " |")
     return "\n".join(lines) + "\n"
 
@@ -169,8 +169,8 @@ def _exact(value: float | None) -> str:
     return "" if value is None else repr(value)
 
 
-def _escaped(text: str, characters: str, mark: str) -> str:
-    return "".join(mark + c if c in characters else c for c in text).replace("\n", " ")
+def _escaped(text: str) -> str:
+    return re.sub(r"([\\`*_{}\[\]<>#|])", r"\\\1", text).replace("\n", " ")
 
 
 _LATEX = {

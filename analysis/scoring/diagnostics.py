@@ -108,6 +108,13 @@ def drift_over_phase(series: OrientationSeries, endpoint_times_s: npt.ArrayLike,
     return PhaseSweep(min(thetas_deg), max(thetas_deg), tuple(phases.tolist()), thetas_deg, len(times) - 1)
 
 
+def positions_at(series: OrientationSeries, times_s: FloatArray) -> FloatArray | None:
+    """Return the (n, 3) positions at n times inside the recording, m; None where it has none."""
+    if series.positions_m is None:
+        return None
+    return np.stack([np.interp(times_s, series.times_s, column) for column in series.positions_m.T], axis=1)
+
+
 def orientation_at(series: OrientationSeries, times_s: npt.ArrayLike) -> FloatArray:
     """Return the orientation at any time inside the recording, interpolated at constant rate of turn between samples.
 

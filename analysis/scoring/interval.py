@@ -12,6 +12,7 @@ m = 5–20. The coverage of this one is in ``docs/benchmark.md``, from ``benchma
 
 from __future__ import annotations
 
+import bisect
 import math
 from dataclasses import dataclass
 
@@ -188,13 +189,9 @@ def steps_needed(interval: DriftInterval, half_width_deg: float) -> int | None:
     scale = interval.standard_error_deg * math.sqrt(interval.n_steps)
     level = 0.5 + 0.5 * interval.level
 
-    def half_width(steps: int) -> float:
-        return float(special.stdtrit(steps - 1, level)) * scale / math.sqrt(steps)
+    def minus_half_width(m: int) -> float:  # bisect needs what rises
+        return -float(special.stdtrit(m - 1, level)) * scale / math.sqrt(m)
 
-    if half_width(MAX_STEPS) > half_width_deg:
-        return None
-    low, high = MIN_STEPS - 1, MAX_STEPS  # half_width falls with the steps: the answer is in (low, high]
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if half_width(middle) <= half_width_deg else (middle, high)
-    return high
+    steps = range(MIN_STEPS, MAX_STEPS + 1)
+    place = bisect.bisect_left(steps, -half_width_deg, key=minus_half_width)
+    return steps[place] if place < len(steps) else None

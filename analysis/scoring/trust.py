@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import numpy.typing as npt
 from msgspec.structs import replace
 
 from analysis.scoring.as_published import published_drift
 from analysis.scoring.card import RotationDrift, rotation_drift, translation_drift_mm
-from analysis.scoring.diagnostics import MIN_EIGENVALUE_SHARE, drift_diagnostics, drift_over_phase
+from analysis.scoring.diagnostics import MIN_EIGENVALUE_SHARE, drift_diagnostics, drift_over_phase, positions_at
 from analysis.scoring.interval import drift_interval
 from analysis.scoring.result import Result, endpoint_quats
 from analysis.scoring.result_parts import Diagnostics, OtherExtreme, ScoredEndpoint, SensorShare, vector_of
@@ -51,11 +50,12 @@ def with_figures(
     quats = result.endpoint_quats_wxyz
     drift = rotation_drift(quats, [item.step for item in result.excluded_cycles])
     interval = drift_interval(drift.counted_step_rotations_wxyz)
+    positions_m = positions_at(series, result.endpoint_times_s)
     companions = replace(
         drift_diagnostics(quats, drift),
         over_phase_deg=drift_over_phase(series, result.endpoint_times_s),
         interval=interval,
-        translation_drift_mm=_translation(series, result),
+        translation_drift_mm=None if positions_m is None else translation_drift_mm(positions_m),
     )
     sensor = _sensor_share(result, series, drift, baseline)
     warnings = _trust_warnings(result, drift.theta_bar_deg, companions, sensor, series.index_kind)
@@ -78,13 +78,6 @@ def _other_extreme(points: tuple[ScoredEndpoint, ...]) -> OtherExtreme:
         return OtherExtreme(None, None, len(points), points)
     drift = rotation_drift(endpoint_quats(points))
     return OtherExtreme(drift.theta_bar_deg, vector_of(drift.axis), len(points), points)
-
-
-def _translation(series: OrientationSeries, result: Result) -> float | None:
-    if series.positions_m is None:
-        return None
-    at = [np.interp(result.endpoint_times_s, series.times_s, series.positions_m[:, k]) for k in range(3)]
-    return translation_drift_mm(np.stack(at, axis=1))
 
 
 def _sensor_share(

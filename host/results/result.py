@@ -19,7 +19,7 @@ from analysis.scoring.result import Result, result_text
 from analysis.scoring.result_parts import ExcludedCycle
 from analysis.scoring.trial import score_series
 from analysis.series import FloatArray, OrientationSeries
-from host.errors import FileError
+from host.errors import FileError, already_there, reason_of
 from host.losses.verdict import judge_losses
 from host.recording.load import RecordedTrial
 from host.results.parts import events_of, link_of, losses_of, losses_per_cycle, object_of, operator_of
@@ -146,11 +146,9 @@ def write_result(result: Result, path: Path) -> None:
         with path.open("x", encoding="utf-8") as file:
             file.write(result_text(result))
     except FileExistsError as error:
-        raise FileError(f"{path} exists already", "move it away, or give another name with --out") from error
+        raise already_there(path, "move it away, or give another name with --out") from error
     except OSError as error:
         with contextlib.suppress(OSError):
             path.unlink()
-        raise FileError(
-            f"the result {path} cannot be written ({(error.strerror or str(error)).lower()})",
-            "the recording is kept; score it again with `rotdrift score`",
-        ) from error
+        remedy = "the recording is kept; score it again with `rotdrift score`"
+        raise FileError(f"the result {path} cannot be written ({reason_of(error)})", remedy) from error

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -69,44 +69,41 @@ class Choices(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
 class TrialSource:
     """One trial before anything is computed."""
 
-    file_name: str
-    data: bytes
-    """The recording; empty where it is a folder."""
+    raw: Mapping[str, bytes]
+    """The recording by its name; of a ROS 2 bag, which is a folder, every file as ``folder/file``, sorted."""
     cards: Cards
     """As read from the card files, before the object fills them."""
     choices: Choices = Choices()
     baseline: bytes | None = None
-    folder: tuple[tuple[str, bytes], ...] = ()
-    """A ROS 2 bag is a folder: name and content of each file in it, sorted; empty for a single file."""
+
+    @property
+    def file_name(self) -> str:
+        """Bare name of the recording."""
+        return next(iter(self.raw)).partition("/")[0]
 
     @property
     def n_bytes(self) -> int:
         """Size of the recording."""
-        return sum(len(content) for _, content in self.folder) if self.folder else len(self.data)
+        return sum(map(len, self.raw.values()))
 
     @cached_property
     def sha256(self) -> str:
         """SHA-256 of the recording; of a folder that of its list of checksums, as ``sha256sum *`` prints it."""
-        if not self.folder:
-            return hashlib.sha256(self.data).hexdigest()
-        lines = "".join(f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in self.folder)
-        return hashlib.sha256(lines.encode()).hexdigest()
+        if self.file_name in self.raw:
+            return hashlib.sha256(self.raw[self.file_name]).hexdigest()
+        sums = {name.partition("/")[2]: hashlib.sha256(content).hexdigest() for name, content in self.raw.items()}
+        return hashlib.sha256("".join(f"{digest}  {name}\n" for name, digest in sums.items()).encode()).hexdigest()
 
     def written_to(self, place: Path) -> Path:
         """Write the recording into an empty folder, for readers that need a path; return it."""
-        path = place / self.file_name
-        if self.folder:
-            path.mkdir()
-            for name, content in self.folder:
-                (path / name).write_bytes(content)
-        else:
-            path.write_bytes(self.data)
-        return path
+        for name, content in self.raw.items():
+            (place / name).parent.mkdir(exist_ok=True)
+            (place / name).write_bytes(content)
+        return place / self.file_name
 
     def files(self) -> dict[str, bytes]:
         """Return these sources by name, as they stand in the trial's folder of a bundle."""
-        raw = f"raw/{self.file_name}"
-        files = {f"{raw}/{name}": content for name, content in self.folder} if self.folder else {raw: self.data}
+        files = {f"raw/{name}": content for name, content in self.raw.items()}
         files["cards.toml"] = dump_cards(self.cards).encode()
         files["choices.json"] = msgspec.json.format(msgspec.json.encode(self.choices), indent=1) + b"\n"
         if self.baseline is not None:
@@ -128,14 +125,14 @@ def load_source(recording: Path, cards: Cards, choices: Choices, baseline: Path 
         rest = None if baseline is None else baseline.read_bytes()
         name = safe_name(recording.name or recording.resolve().name)
         if recording.is_dir():
-            return TrialSource(name, b"", cards, choices, rest, _bag(recording))
+            return TrialSource(_bag(recording, name), cards, choices, rest)
         _refuse_large(recording, recording.stat().st_size)
-        return TrialSource(name, recording.read_bytes(), cards, choices, rest)
+        return TrialSource({name: recording.read_bytes()}, cards, choices, rest)
     except OSError as error:
         raise unreadable(error.filename, error) from error
 
 
-def _bag(folder: Path) -> tuple[tuple[str, bytes], ...]:
+def _bag(folder: Path, name: str) -> dict[str, bytes]:
     """Return the files of a ROS 2 bag; names must be harmless, because ``metadata.yaml`` refers to them."""
     places = sorted(place for place in folder.iterdir() if not place.name.startswith("."))
     if not (folder / "metadata.yaml").is_file():
@@ -147,7 +144,7 @@ def _bag(folder: Path) -> tuple[tuple[str, bytes], ...]:
                 "convert it first: rotdrift convert FOLDER trial.csv",
             )
     _refuse_large(folder, sum(place.stat().st_size for place in places))
-    return tuple((place.name, place.read_bytes()) for place in places)
+    return {f"{name}/{place.name}": place.read_bytes() for place in places}
 
 
 def _refuse_large(recording: Path, n_bytes: int) -> None:
@@ -167,9 +164,10 @@ def sources_in(files: Mapping[str, bytes]) -> dict[str, TrialSource]:
     found = {}
     for trial_id in ids:
         folder = f"trials/{trial_id}/"
-        raw = sorted(name for name in files if name.startswith(f"{folder}raw/"))
-        names = {name.removeprefix(f"{folder}raw/").partition("/")[0] for name in raw}
-        if len(names) != 1 or any(name.count("/") > 4 for name in raw):
+        raw = {name[len(f"{folder}raw/") :]: files[name] for name in sorted(files) if name.startswith(f"{folder}raw/")}
+        names = {name.partition("/")[0] for name in raw}
+        mixed = len(raw) > 1 and not names.isdisjoint(raw)  # a file, and a folder of the same name
+        if len(names) != 1 or mixed or any(name.count("/") > 1 for name in raw):
             raise ValueError(f"trial {trial_id} has {len(names)} recordings, not one")
         try:
             cards = parse_cards(files[f"{folder}cards.toml"].decode("utf-8"), f"{folder}cards.toml")
@@ -177,13 +175,7 @@ def sources_in(files: Mapping[str, bytes]) -> dict[str, TrialSource]:
             choices.options(None)
         except (KeyError, UnicodeDecodeError, msgspec.MsgspecError, FileError, AnalysisError) as error:
             raise ValueError(f"trial {trial_id}: {plain(error)}") from error
-        (file_name,) = names
-        single = raw[0] == f"{folder}raw/{file_name}"
-        if not single and len(raw) != len({name.rpartition("/")[2] for name in raw}):
-            raise ValueError(f"trial {trial_id} has a recording in several folders")
-        source = TrialSource(file_name, files[raw[0]] if single else b"", cards, choices)
-        bag = () if single else tuple((name.rpartition("/")[2], files[name]) for name in raw)
-        found[trial_id] = replace(source, folder=bag, baseline=files.get(f"{folder}baseline.toml"))
+        found[trial_id] = TrialSource(raw, cards, choices, files.get(f"{folder}baseline.toml"))
     return found
 
 

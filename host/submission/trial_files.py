@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from analysis.formats.named_csv import csv_text, endpoints_csv_text
 from analysis.formats.parquet import parquet_bytes
+from analysis.geometry import rotations
 from analysis.reporting.trial_report import TrialReport
+from analysis.scoring.card import step_rotations
 from analysis.scoring.recorded_parts import RecordedObject
 from analysis.scoring.result import Result, result_text
 from host.cards.definitions import Cards, card_values, missing_fields
@@ -17,7 +23,6 @@ from host.cards.tables import card_tables, hand_name, motion_name, object_name
 from host.results.any_file import score_recording
 from host.submission.manifest import RawFile, TrialEntry
 from host.submission.source import TrialSource
-from host.submission.steps_csv import steps_csv_text
 from host.trial.operator import EXCLUDE, INCLUDE, MARKER, NOTE, WINDOW_START, WINDOW_STOP
 
 
@@ -66,7 +71,7 @@ def build_trial(source: TrialSource, *, parquet: bool) -> BuiltTrial:
     files = source.files()
     files["result.json"] = result_text(result).encode()
     files["endpoints.csv"] = endpoints_csv_text(result.to_json()).encode()
-    files["steps.csv"] = steps_csv_text(result).encode()
+    files["steps.csv"] = _steps_csv(result).encode()
     files["samples.csv"] = csv_text(scored.series).encode()
     if parquet:
         files["samples.parquet"] = parquet_bytes(scored.series)
@@ -102,6 +107,21 @@ def trial_entry(trial: BuiltTrial) -> TrialEntry:
         missing=list(report.missing),
         raw=RawFile(source.file_name, source.n_bytes, source.sha256),
     )
+
+
+def _steps_csv(result: Result) -> str:
+    """Return one row per step: cycle, angle in deg, rotation vector in deg (world frame), flags of its end.
+
+    Without a valid score there is only the header.
+    """
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(["cycle", "step_deg", "rx_deg", "ry_deg", "rz_deg", "flags"])
+    if result.steps_deg:
+        vectors = np.degrees(rotations.log(step_rotations(result.endpoint_quats_wxyz))).tolist()
+        for number, (angle, vector) in enumerate(zip(result.steps_deg, vectors, strict=True), start=1):
+            writer.writerow([number, repr(angle), *map(repr, vector), "; ".join(result.flags[number])])
+    return buffer.getvalue()
 
 
 def _provenance(source: TrialSource, result: Result) -> tuple[tuple[str, str], ...]:

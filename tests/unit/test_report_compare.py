@@ -190,7 +190,7 @@ def bundles(tmp_path):
     for hand, drift in (("T42", 0.3), ("NDX", 2.0)):
         cards = parse_cards(f"[hand]\nmodel = '{hand}'\n[trial]\nmotion = 'roll'")
         series, result = scored(cycles=6, slip_deg=0.0, drift_deg=drift)
-        built = build_submission([TrialSource("roll.csv", csv_text(series).encode(), cards)], drawings=False)
+        built = build_submission([TrialSource({"roll.csv": csv_text(series).encode()}, cards)], drawings=False)
         (tmp_path / f"{hand}.zip").write_bytes(bundle_bytes(built.files))
     (tmp_path / "result.json").write_text(result_text(result))
     return tmp_path

@@ -47,7 +47,7 @@ def sources():
     for number, motion in enumerate(("roll", "roll", "pitch")):
         series, _ = scored(cycles=5, slip_deg=0.0, seed=number)
         cards = parse_cards(CARDS.format(motion=motion))
-        found.append(TrialSource(f"{number}.csv", csv_text(series).encode(), cards))
+        found.append(TrialSource({f"{number}.csv": csv_text(series).encode()}, cards))
     return found
 
 

@@ -39,7 +39,7 @@ comments = "fine"
 
 def source(name="roll.csv", cards=CARDS, **settings):
     series, _ = scored(**{"cycles": 5, "slip_deg": 0.0, **settings})
-    return TrialSource(name, csv_text(series).encode(), cards)
+    return TrialSource({name: csv_text(series).encode()}, cards)
 
 
 @pytest.fixture(scope="module")
@@ -197,6 +197,9 @@ def test_a_hash_a_missing_and_an_added_file_are_found(files, tmp_path):
         {"trials/t42--unknown-object--pitch--01/cards.toml": b"\xff"},
         {"trials/t42--unknown-object--pitch--01/raw/pitch.csv": b"nothing"},
         {"trials/t42--unknown-object--pitch--01/raw/pitch.csv": None},
+        {"trials/t42--unknown-object--pitch--01/raw/other.csv": b"t_s,qw,qx,qy,qz"},
+        {"trials/t42--unknown-object--pitch--01/raw/pitch.csv/in_a_folder.csv": b"t_s,qw,qx,qy,qz"},
+        {"trials/t42--unknown-object--pitch--01/raw/a/b/c.csv": b"t_s,qw,qx,qy,qz"},
         {"trials/t42--unknown-object--pitch--01/baseline.toml": b"nonsense"},
     ],
 )
@@ -228,7 +231,7 @@ def test_other_versions_are_said(sources, tmp_path):
 def test_chosen_end_points_travel_with_the_bundle(tmp_path):
     base = source()
     rows = tuple(float(700 + 400 * k) for k in range(5))
-    chosen = TrialSource(base.file_name, base.data, CARDS, Choices(endpoint_kind="row", endpoint_values=rows))
+    chosen = TrialSource(base.raw, CARDS, Choices(endpoint_kind="row", endpoint_values=rows))
     built = build_submission([chosen], drawings=False)
     name = next(name for name in built.files if name.endswith("result.json"))
     result = json.loads(built.files[name])
