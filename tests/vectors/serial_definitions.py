@@ -18,6 +18,9 @@ from firmware_protocol.wire_values import TO_WIRE
 
 _SQRT_HALF = math.sqrt(0.5)
 _TURNED = (math.cos(math.radians(20.0)), 0.0, 0.0, math.sin(math.radians(20.0)))
+# Filters with a fast inverse square root leave such norms. Near the identity a component times 32767 is then beyond
+# int16: rounded as it is, it would wrap to another rotation, with a right checksum and a right norm.
+_NORM_ABOVE_ONE = (1.0001 * math.cos(math.radians(0.25)), 0.0, -1.0001 * math.sin(math.radians(0.25)), 0.0)
 
 _CARD = p.ObjectCard(
     shape=p.ObjectShape.CUBE,
@@ -48,6 +51,7 @@ PACKETS: tuple[tuple[str, p.Packet], ...] = (
         "orientation, 40 deg about z, largest counters",
         p.Orientation(65535, 2**32 - 1, _TURNED, p.OrientationFlag.OVERRANGE | p.OrientationFlag.CALIBRATED),
     ),
+    ("orientation, 0.5 deg from the identity, of norm 1.0001", p.Orientation(2, 20_000, _NORM_ABOVE_ONE)),
     ("orientation, all components negative", p.Orientation(0x1234, 0x12345678, (-0.5, -0.5, -0.5, -0.5))),
     (
         "status while streaming",
@@ -87,6 +91,9 @@ QUATERNIONS: tuple[tuple[float, float, float, float], ...] = (
     (_SQRT_HALF, 0.0, -_SQRT_HALF, 0.0),
     (-0.1, 0.7, 0.1, -0.7),
     _TURNED,
+    (1.0001, 0.0, 0.0, 0.0),
+    (0.0, 0.0, -1.0001, 0.0),
+    _NORM_ABOVE_ONE,
 )
 
 
