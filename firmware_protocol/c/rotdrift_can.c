@@ -181,7 +181,7 @@ bool rd_can_sample(rd_can *can, uint32_t counter, uint32_t time_us, uint16_t rat
     *at = RD_ORIENTATION;
     put(at + RD_ORIENTATION_SEQUENCE_AT, counter, 2);
     put(at + RD_ORIENTATION_DEVICE_TIME_US_AT, time_us, 4);
-    for (int k = 0; k < 4; k++)
+    for (size_t k = 0; k < 4; k++)
         put(at + RD_ORIENTATION_Q_WXYZ_AT + 2 * k, (uint16_t)q15[k], 2);
     at[RD_ORIENTATION_FLAGS_AT] = flags;
     return send_frame(can, RD_CAN_ORIENTATION, true, 1 + RD_ORIENTATION_BYTES, 0);

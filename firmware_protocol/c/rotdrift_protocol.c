@@ -13,7 +13,7 @@ typedef struct {
     uint8_t type_or_offset, bytes_or_kind, count;
 } layout_row; /* a kind is the size on the wire; that of a weight, 3, is no other's */
 
-#define COUNT(S, name, kind, n) +1
+#define COUNT(S, name, kind, n) +1 /* NOLINT(bugprone-macro-parentheses): one term of a sum */
 #define FIELD(S, name, kind, n) {(uint8_t)offsetof(S, name), KIND_##kind, n},
 #define LAYOUT(NAME, S) {RD_##NAME, RD_##NAME##_BYTES, 0 RD_LAYOUT_##NAME(COUNT, S)}, RD_LAYOUT_##NAME(FIELD, S)
 
@@ -38,7 +38,7 @@ static const layout_row LAYOUTS[] = {
 /* Offsets fit a byte, and every member is as wide as the schema says: else these arrays have a negative size. */
 #define SAME_SIZE(S, name, kind, n) \
     typedef char S##_##name##_has_the_size_of_the_schema \
-        [sizeof(((S *)0)->name) == (KIND_##kind == KIND_U8_U16 ? sizeof(rd_weight) : (size_t)KIND_##kind) * n ? 1 : -1];
+        [sizeof(((S *)0)->name) == (KIND_##kind == KIND_U8_U16 ? sizeof(rd_weight) : (size_t)KIND_##kind) * (n) ? 1 : -1];
 typedef char offsets_fit_a_byte[sizeof(rd_info) <= 256 ? 1 : -1];
 RD_LAYOUT_INFO(SAME_SIZE, rd_info)
 RD_LAYOUT_ORIENTATION(SAME_SIZE, rd_orientation)
