@@ -1,4 +1,4 @@
-"""``python -m tests.c_library.damaged_streams --streams 100000``: Python's decoder and the C receiver on damaged streams.
+"""``python -m tests.c_library.damaged_streams --streams 100000``: Python's decoder and the C receiver on damage.
 
 Both must give the same packets, in the same order, and the same counters for every stream.
 """

@@ -1,4 +1,4 @@
-"""``python -m tests.c_library.fuzz --runs 1000000``: libFuzzer on the C library, from the seeds of the other targets."""
+"""``python -m tests.c_library.fuzz --runs 1000000``: libFuzzer on the C library, from the seeds of tests.fuzz."""
 
 from __future__ import annotations
 
