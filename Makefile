@@ -39,7 +39,10 @@ demo: $(VENV)/.run
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
+# The checkers of the C library are 160 MB; where they cannot be had, the compilers check alone.
 lint: $(VENV)/.dev
+	-@$(PIP) --editable '.[c]'
+	$(BIN)/python -m tests.c_library.lint
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/numpydoc lint $$(find analysis emulator firmware_protocol host -name '*.py')
@@ -70,6 +73,7 @@ fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --runs $(RUNS)
 	for target in stream can recording cards scenario series bag; do \
 	  $(BIN)/python -m tests.fuzz $$target --atheris --runs $(RUNS) || exit 1; done
+	$(BIN)/python -m tests.c_library.fuzz --runs $(RUNS)
 
 clean:
 	rm -rf $(VENV) build *.egg-info

@@ -12,7 +12,7 @@ PINS = {
     canonicalize_name(name): version
     for name, version in re.findall(r"^([\w.-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
 }
-EXTRAS = ("", "multicast", "parquet", "ros", "bench", "docs", "fuzz", "dev")
+EXTRAS = ("", "multicast", "parquet", "ros", "bench", "c", "docs", "fuzz", "dev")
 
 
 def needed_by(distribution, extras):

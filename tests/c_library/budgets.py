@@ -64,8 +64,12 @@ def measure() -> list[Part]:
         for source in SOURCES:
             made = folder / f"{source.stem}.o"
             subprocess.run([gcc, *WARNINGS, *FLAGS, "-I", LIBRARY, "-c", source, "-o", made], check=True, timeout=60)
-            row = subprocess.run([size, made], capture_output=True, text=True, check=True).stdout.splitlines()[1]
-            undefined = subprocess.run([nm, "-u", made], capture_output=True, text=True, check=True).stdout.split()
+            row = subprocess.run(
+                [size, made], capture_output=True, text=True, check=True, timeout=60
+            ).stdout.splitlines()[1]
+            undefined = subprocess.run(
+                [nm, "-u", made], capture_output=True, text=True, check=True, timeout=60
+            ).stdout.split()
             own, edges = _graph(made.with_suffix(".ci").read_text())
             frames |= own
             for caller, callees in edges.items():

@@ -23,7 +23,9 @@ def fuzzer() -> Path:
         No clang, or no libFuzzer.
     """
     clang = tool("clang", "clang")
-    where = subprocess.run([clang, "-print-resource-dir"], capture_output=True, text=True, check=True).stdout.strip()
+    where = subprocess.run(
+        [clang, "-print-resource-dir"], capture_output=True, text=True, check=True, timeout=60
+    ).stdout.strip()
     if not list(Path(where).glob("lib/**/libclang_rt.fuzzer*")):
         raise MissingToolError("libFuzzer is not installed (Debian package libclang-rt-14-dev)")
     return compiled(clang, [HERE / "fuzz_receiver.c"], FLAGS)
