@@ -77,11 +77,9 @@ bool rd_to_smallest_three(uint64_t *code, const float q[4])
         if (k == largest)
             continue;
         const float steps = unit[k] * scale;
-        int32_t rounded = (int32_t)(steps < 0 ? steps - 0.5f : steps + 0.5f);
-        if (rounded > OFFSET - 1) /* a rounding beyond 1 / sqrt(2) */
-            rounded = OFFSET - 1;
-        if (rounded < 1 - OFFSET)
-            rounded = 1 - OFFSET;
+        /* No component but the largest is beyond 1 / sqrt(2), 131071 steps, by more than a rounding of single precision,
+         * 0.02 steps: the code has room for it. */
+        const int32_t rounded = (int32_t)(steps < 0 ? steps - 0.5f : steps + 0.5f);
         *code = *code << RD_SMALLEST_THREE_BITS | (uint32_t)(rounded + OFFSET);
     }
     return true;
@@ -130,34 +128,33 @@ static bool is_off_grid(const rd_can *can, uint32_t counter, uint32_t time_us)
     return off_us > RD_CAN_GRID_TOLERANCE_US || off_us < -RD_CAN_GRID_TOLERANCE_US;
 }
 
-/* Send SAMPLE_STATE and TIME where the listeners need them before this sample. */
+/* Send SAMPLE_STATE and TIME where the listeners need them before this sample. What is noted as published is changed only
+ * when all of it is sent: else the next sample tries again. */
 static bool publish(rd_can *can, uint32_t counter, uint32_t time_us, uint16_t rate_hz, uint8_t flags)
 {
     const uint32_t interval = time_interval(rate_hz);
-    uint8_t *data = can->frame;
-    const bool due = !can->published.known || can->published.boot_tag != can->boot_tag
-                     || can->published.rate_hz != rate_hz
+    const bool due = !can->published.known || can->published.rate_hz != rate_hz
                      || counter / interval != can->published.counter / interval;
-    put(data, counter, 4);
+    const bool time_due = due || is_off_grid(can, counter, time_us);
+    uint8_t *data = can->frame;
     if (due || can->published.flags != flags) {
-        can->published.known = false; /* until all of it is sent */
+        put(data, counter, 4);
         data[4] = flags;
         put(data + 5, rate_hz, 2);
         data[7] = can->boot_tag;
         if (!send_classic(can, RD_CAN_SAMPLE_STATE, CLASSIC_BYTES))
             return false;
     }
-    can->published.flags = flags;
-    can->published.rate_hz = rate_hz;
-    can->published.boot_tag = can->boot_tag;
-    if (due || is_off_grid(can, counter, time_us)) {
-        can->published.known = false;
+    if (time_due) {
+        put(data, counter, 4);
         put(data + 4, time_us, 4);
         if (!send_classic(can, RD_CAN_TIME, CLASSIC_BYTES))
             return false;
         can->published.counter = counter;
         can->published.time_us = time_us;
     }
+    can->published.flags = flags;
+    can->published.rate_hz = rate_hz;
     can->published.known = true;
     return true;
 }

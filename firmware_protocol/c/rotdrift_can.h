@@ -34,7 +34,7 @@ typedef struct {
     /* What the listeners know of the samples; all zeros: nothing. */
     struct {
         bool known;
-        uint8_t flags, boot_tag;
+        uint8_t flags;
         uint16_t rate_hz;
         uint32_t counter, time_us; /* of the last TIME frame */
     } published;

@@ -15,8 +15,8 @@ from firmware_protocol.can.encoder import CanObject
 from firmware_protocol.can.frames import FD_LENGTHS, CanFrame, FrameFlag, pack_frames
 from firmware_protocol.can.iso_tp import LongPacketChannel
 from firmware_protocol.can.mapping import FD_BIT, NO_ORIENTATION, CanFunction, arbitration_id, boot_tag, split_id
-from firmware_protocol.codec import decode_packet
-from firmware_protocol.packets import PacketType
+from firmware_protocol.codec import decode_packet, encode_packet
+from firmware_protocol.packets import Event, EventKind, Orientation, OrientationFlag, PacketType
 from firmware_protocol.quantization import (
     SMALLEST_THREE_PLAIN_MAX_ERROR_RAD,
     quats_from_smallest_three,
@@ -129,16 +129,55 @@ def test_samples_are_those_of_the_emulators_object(c_driver, rate_hz, fd):
     assert decoder.counters.malformed == 0
 
 
-def test_an_imu_on_a_clock_of_its_own_keeps_its_times(c_driver):
-    n = 500
-    jitter = np.random.default_rng(1).integers(-4, 5, n)
-    times_us = (1000 + np.arange(n) * 1_000_000 / 993.7 + jitter).astype(np.int64)
-    quats = unit_quaternions(n).tolist()
-    lines = [new(False), *(sample(k, times_us[k], 1000, quats[k], 8) for k in range(n))]
-    frames = [frame for answer in c_driver.ask(lines)[1:] for frame in frames_in(answer)[0]]
+def sent(c_driver, fd, times_us, rates_hz, quats, flags=8):
+    rows = zip(times_us, rates_hz, quats.tolist(), strict=True)
+    lines = [new(fd, 7, 9), *(sample(k, time_us, rate_hz, q, flags) for k, (time_us, rate_hz, q) in enumerate(rows))]
+    return [frame for answer in c_driver.ask(lines)[1:] for frame in frames_in(answer)[0]]
+
+
+def assert_same_times_and_states(frames, times_us, quats, rate_hz, flags=8):
+    """Every frame is that of our object, but for the roundings of the samples."""
+    packets = [
+        encode_packet(Orientation(k, int(time_us), tuple(q), OrientationFlag(flags)))
+        for k, (time_us, q) in enumerate(zip(times_us, quats.tolist(), strict=True))
+    ]
+    expected = object_at(NODE, rate_hz=rate_hz).encode(packets)
+    assert [frame.arbitration_id for frame in frames] == [frame.arbitration_id for frame in expected]
+    assert [frame for frame in frames if not is_sample(frame)] == [frame for frame in expected if not is_sample(frame)]
+
+
+@pytest.mark.parametrize("rate_hz", [300, 700, 1000])
+def test_an_imu_on_a_clock_of_its_own_keeps_its_times(c_driver, rate_hz):
+    """TIME comes exactly where our object sends it: where the host would be wrong by 2 us, and not where by 1."""
+    n = 1500
+    jitter = np.random.default_rng(rate_hz).integers(-2, 3, n)
+    times_us = 1000 + np.arange(n) * 1_000_000 // rate_hz + jitter
+    quats = unit_quaternions(n)
+    frames = sent(c_driver, False, times_us, [rate_hz] * n, quats)
+    assert_same_times_and_states(frames, times_us, quats, rate_hz)
     got = joined(CanStreamDecoder(NODE).feed(pack_frames(frames)))
-    assert np.abs(got.device_time_us - times_us).max() <= 1
-    assert 0.8 * n < len(frames) - n < n
+    assert np.abs(got.device_time_us.astype(np.int64) - times_us).max() <= 1
+    assert 0.2 * n < len(frames) - n < n
+
+
+def test_a_new_rate_is_published_before_its_first_sample(c_driver):
+    rates_hz = np.repeat([200, 500, 100, 1000], [301, 303, 305, 300])
+    times_us = np.cumsum(1_000_000 // rates_hz)
+    quats = unit_quaternions(len(rates_hz))
+    frames = sent(c_driver, False, times_us, rates_hz, quats)
+    assert_same_times_and_states(frames, times_us, quats, 200)
+    got = joined(CanStreamDecoder(NODE).feed(pack_frames(frames)))
+    assert np.array_equal(got.device_time_us, times_us)
+
+
+def test_whole_packets_are_padded_to_a_length_of_can_fd(c_driver):
+    """Also those of a newer minor version, with more behind the fields known here."""
+    event = encode_packet(Event(5, EventKind.BUTTON, 2))
+    packets = [event + bytes(range(1, extra + 1)) for extra in range(57)]
+    answers = c_driver.ask([new(True), *(f"can-packet 0 {packet.hex()}" for packet in packets)])[1:]
+    for packet, answer in zip(packets[:-1], answers[:-1], strict=True):
+        assert frames_in(answer) == (CanObject(NODE, True).encode([packet]), "1")
+    assert answers[-1] == "0"  # 64 bytes, and the length byte
 
 
 def test_smallest_three_of_any_norm(c_driver):
@@ -279,6 +318,25 @@ def test_info_is_given_up_where_no_host_takes_it(c_driver, control, at_us, goes_
     assert (len(answers[-3][0]) > 0) == goes_on
     assert answers[-2][1] == "0"
     assert (len(answers[-1][0]), answers[-1][1]) == (1, "1")  # the next one can be sent
+
+
+@pytest.mark.parametrize(
+    ("code", "wait_us"), [(0, 0), (1, 1000), (0x7F, 127_000), (0xF1, 100), (0xF9, 900), (0xFA, 127_000)]
+)
+def test_separation_times_are_those_of_the_standard(c_driver, code, wait_us):
+    """ISO 15765-2: milliseconds to 0x7F, hundreds of microseconds from 0xF1 to 0xF9, else the longest."""
+    control = arbitration_id(CanFunction.LONG_TO_OBJECT, NODE)
+    lines = [new(False), f"can-packet 0 {info_packet().hex()}", f"can-frame 50 {control} 3000{code:02x}"]
+    lines += ["can-room 1", f"can-poll {50 + wait_us - 1}", f"can-poll {50 + wait_us}"]
+    answers = [len(frames_in(answer)[0]) for answer in c_driver.ask(lines)]
+    assert answers[-2:] == ([1, 0] if code == 0 else [0, 1])
+
+
+@pytest.mark.parametrize("fd", [False, True])
+def test_flow_control_of_the_other_kind_of_frame_is_not_ours(c_driver, fd):
+    other = arbitration_id(CanFunction.LONG_TO_OBJECT, NODE, not fd)
+    lines = [new(fd), f"can-packet 0 {info_packet().hex()}", f"can-frame 1 {other} 300000", "can-poll 2"]
+    assert c_driver.ask(lines)[-1] == "1"
 
 
 def test_a_wait_frame_gives_the_host_more_time(c_driver):

@@ -153,7 +153,7 @@ def random_values(packet_type, rng):
             values += np.clip(np.rint(q / np.linalg.norm(q) * scale), -32768, 32767).astype(int).tolist()
         elif row.name == "mounting_q_body_sensor":
             q = np.array([rng.gauss(0, 1) for _ in range(4)])
-            scale = rng.choice((1, 1, 1, 1.0099, 0.9901, 1.0101, math.nan))
+            scale = rng.choice((1, 1, 1, 1.0099, 0.9901, 1.0101, 0.9899, math.nan))
             values += np.float32(q / np.linalg.norm(q) * scale).tolist()
         elif kind == "char":
             values.append(rng.randbytes(count))
@@ -287,6 +287,7 @@ def test_no_orientation_is_sent_where_the_filter_failed(c_driver):
 
 def test_measured_values_stop_at_the_ends_of_the_scale(c_driver):
     values = [("0.4", 0), ("0.6", 1), ("-0.6", -1), ("1e9", 32767), ("-1e9", -32768), ("nan", 0), ("32766.6", 32767)]
+    values += [("32767.6", 32767), ("35000", 32767), ("-32768.6", -32768), ("-35000", -32768), ("-32767.4", -32767)]
     assert c_driver.ask(f"counts {value} -32768" for value, _ in values) == [str(expected) for _, expected in values]
     assert c_driver.ask(["counts -40000 -32767", "counts -inf -32767"]) == ["-32767", "-32767"]
 
