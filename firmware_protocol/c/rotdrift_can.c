@@ -24,7 +24,7 @@ static void put(uint8_t *at, uint64_t number, unsigned size) /* little endian */
 /* The next length that a CAN FD frame can have. */
 static uint8_t fd_length(unsigned n)
 {
-    const unsigned step = n <= 8 ? 1 : n <= 24 ? 4 : n <= 32 ? 8 : 16;
+    const unsigned step = n <= 8 ? 1 : n <= 24 ? 4 : 16; /* 8, 12 ... 24, 32, 48, 64 */
     return (uint8_t)((n + step - 1) / step * step);
 }
 
