@@ -5,7 +5,7 @@ extern void *memcpy(void *to, const void *from, size_t n);
 enum {
     CLASSIC_BYTES = 8,
     OFFSET = 1 << (RD_SMALLEST_THREE_BITS - 1), /* a code is this plus the component's steps: code 0 is never sent */
-    /* First byte of an ISO-TP frame, upper four bits; flow control tells by the lower four what to do. */
+    /* First byte of an ISO-TP frame, upper four bits; the lower four of flow control are its kind. */
     FIRST_FRAME = 0x10,
     CONSECUTIVE_FRAME = 0x20,
     FLOW_CONTROL = 0x30,
@@ -284,7 +284,7 @@ bool rd_can_packet(rd_can *can, const uint8_t *packet, size_t n, uint32_t clock_
 
 /* ---------------------------------------------------------------------------------------------------- from the host */
 
-static void take_flow_control(rd_can *can, const uint8_t *data, uint8_t length, uint32_t clock_us)
+static void receive_flow_control(rd_can *can, const uint8_t *data, uint8_t length, uint32_t clock_us)
 {
     if (!can->sending.packet || length < 3 || (data[0] & 0xF0) != FLOW_CONTROL)
         return;
@@ -305,7 +305,7 @@ size_t rd_can_receive(rd_can *can, uint16_t id, const uint8_t *data, uint8_t len
     if (id > 0x7FF || length == 0 || (node != can->node && node != 0))
         return 0;
     if (function == RD_CAN_LONG_TO_OBJECT && node == can->node && is_whole == can->fd)
-        take_flow_control(can, data, length, clock_us);
+        receive_flow_control(can, data, length, clock_us);
     if (function != RD_CAN_COMMAND || (is_whole && (data[0] == 0 || data[0] >= length)))
         return 0;
     *packet = data + is_whole;

@@ -21,7 +21,7 @@ extern "C" {
 
 enum { RD_CAN_MAX_BYTES = 64, RD_CAN_FLOW_CONTROL_US = 250000 };
 
-/* Whether a frame was taken. With CAN FD (bit RD_CAN_WHOLE_PACKET of the id): bit rate switch on, length one of CAN FD's. */
+/* Queue one frame; returns false where there is no room. With CAN FD (bit RD_CAN_WHOLE_PACKET of the id): bit rate switch on, length one of CAN FD's. */
 typedef bool (*rd_can_send)(void *context, uint16_t id, const uint8_t *data, uint8_t length);
 
 typedef struct {
@@ -65,8 +65,8 @@ bool rd_from_smallest_three(float q[4], uint64_t code);
  * False where the sample itself was not sent: count it as dropped. */
 bool rd_can_sample(rd_can *can, uint32_t counter, uint32_t time_us, uint16_t rate_hz, const float q[4], uint8_t flags);
 
-/* Send a packet of rd_encode that is no ORIENTATION. INFO must stay where it is until it is sent (sending.packet is
- * NULL), as must no second one begin before. False where it was not sent, not in full, or cannot be. */
+/* Send a packet of rd_encode other than ORIENTATION. INFO must stay where it is until it is sent (sending.packet is NULL);
+ * a second one is refused until then. False where the packet was not sent, or not in full. */
 bool rd_can_packet(rd_can *can, const uint8_t *packet, size_t n, uint32_t clock_us);
 
 /* Process a frame from the bus with an 11-bit id: a command to this object, or flow control of a host. Returns the length

@@ -11,7 +11,7 @@ enum { KIND_U8 = 1, KIND_U16 = 2, KIND_I16 = 2, KIND_U8_U16 = 3, KIND_U32 = 4, K
 
 typedef struct {
     uint8_t type_or_offset, bytes_or_kind, count;
-} layout_row; /* a kind is the size on the wire; that of a weight, 3, is no other's */
+} layout_row; /* a kind is the size on the wire; only a weight has 3 bytes */
 
 #define COUNT(S, name, kind, n) +1 /* NOLINT(bugprone-macro-parentheses): one term of a sum */
 #define FIELD(S, name, kind, n) {(uint8_t)offsetof(S, name), KIND_##kind, n},
@@ -35,7 +35,7 @@ static const layout_row LAYOUTS[] = {
     LAYOUT(INFO, rd_info)
 };
 
-/* Offsets fit a byte, and every member is as wide as the schema says: else these arrays have a negative size. */
+/* Offsets fit a byte, and every member is as wide as in the schema: else these arrays have a negative size. */
 #define SAME_SIZE(S, name, kind, n) \
     typedef char S##_##name##_has_the_size_of_the_schema \
         [sizeof(((S *)0)->name) == (KIND_##kind == KIND_U8_U16 ? sizeof(rd_weight) : (size_t)KIND_##kind) * (n) ? 1 : -1];
@@ -307,7 +307,7 @@ static rd_result skip(rd_receiver *receiver, uint32_t *cause)
 }
 
 /* A piece is complete: undo COBS in place, check the sum, read the packet. */
-static rd_result take_piece(rd_receiver *receiver, rd_packet *packet)
+static rd_result receive_piece(rd_receiver *receiver, rd_packet *packet)
 {
     rd_counters *counters = &receiver->counters;
     uint8_t *piece = receiver->piece;
@@ -351,7 +351,7 @@ rd_result rd_receive(rd_receiver *receiver, uint8_t byte, rd_packet *packet)
     if (byte == 0) {
         receiver->counters.delimiters++;
         if (receiver->filled)
-            result = take_piece(receiver, packet);
+            result = receive_piece(receiver, packet);
         receiver->filled = 0;
         receiver->skipping = false;
         receiver->started = true;

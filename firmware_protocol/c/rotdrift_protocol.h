@@ -110,7 +110,7 @@ typedef struct {
 } rd_mark;
 
 typedef struct {
-    uint8_t type; /* RD_INFO ... RD_MARK; says which of these it is */
+    uint8_t type; /* RD_INFO ... RD_MARK; which of these it is */
     union {
         rd_info info;
         rd_orientation orientation;
@@ -184,7 +184,7 @@ typedef struct {
     rd_counters counters;
     const uint8_t *packet; /* bytes of the last good frame's packet, until the next byte is received */
     uint16_t length;       /* of it: with them a command that is unknown or malformed can be answered */
-    uint16_t filled;       /* bytes pending: of the piece begun */
+    uint16_t filled;       /* bytes pending: the start of a piece */
     bool skipping;         /* inside a piece already counted as oversize */
     bool started;          /* a delimiter has been met */
     uint8_t piece[RD_MAX_PIECE_BYTES];

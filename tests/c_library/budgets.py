@@ -20,7 +20,7 @@ MAX_STACK_BYTES = 128
 
 @dataclass(frozen=True)
 class Part:
-    """What one file of the library takes."""
+    """Code, data and stack of one file of the library."""
 
     name: str
     code_bytes: int
@@ -32,7 +32,7 @@ class Part:
     chains: dict[str, int]
     """Stack of each function with what it calls within the library, at the deepest."""
     needs: frozenset[str]
-    """Symbols it takes from elsewhere."""
+    """Symbols it needs from elsewhere."""
 
 
 def _graph(text: str) -> tuple[dict[str, int], dict[str, set[str]]]:

@@ -1,6 +1,6 @@
 """``python -m tests.c_library.damaged_streams --streams 100000``: Python's decoder and the C receiver on damage.
 
-Both must give the same packets, in the same order, and the same counters for every stream.
+Both must return the same packets, in the same order, and the same counters for every stream.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tests.c_library.build import Driver, MissingToolError, host_driver
 from tests.wire_streams import Decoded, decode_fast, frame, odd_frames, orientation, other_packets
 
 BATCH = 2000
-"""Streams given to the C program at once."""
+"""Streams that the C program receives at once."""
 DAMAGE = ("flip", "byte", "zero", "lose", "insert", "cut", "repeat", "swap", "text", "long", "odd", "jump", "reboot")
 
 

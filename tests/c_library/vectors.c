@@ -4,7 +4,7 @@
 extern unsigned __stack;
 extern void _start(void);
 
-/* The floating-point unit is off after a reset; where there is none the register ignores it. */
+/* The floating-point unit is off after a reset; on a core without one the register ignores it. */
 static void reset(void)
 {
     *(volatile uint32_t *)0xE000ED88u |= 0xFu << 20;

@@ -226,7 +226,7 @@ def test_a_filter_that_failed_sends_no_orientation(c_driver, fd):
 
 @pytest.mark.parametrize("fd", [False, True])
 def test_a_queue_without_room_loses_samples_and_nothing_else(c_driver, fd):
-    """Whatever could not be sent, the host gives every sample it receives its own number, time, flags and rotation."""
+    """Whatever could not be sent, every sample that the host receives has its own number, time, flags and rotation."""
     rng, n, rate_hz = random.Random(3), 3000, 200
     quats = unit_quaternions(n, 9)
     lines, numbers = [new(fd)], []
@@ -353,7 +353,7 @@ def test_a_wait_frame_gives_the_host_more_time(c_driver):
 
 
 @pytest.mark.parametrize("fd", [False, True])
-def test_commands_are_taken_as_our_object_takes_them(c_driver, fd):
+def test_commands_are_received_as_our_object_takes_them(c_driver, fd):
     rng = random.Random(4)
     frames = []
     for _ in range(4000):
@@ -367,12 +367,12 @@ def test_commands_are_taken_as_our_object_takes_them(c_driver, fd):
         frames.append(CanFrame(FD_BIT * whole | function << 5 | node, bytes(data), FD_FLAGS if whole else FrameFlag(0)))
     frames = [frame for frame in frames if frame.arbitration_id >> 5 & 31 != CanFunction.LONG_TO_OBJECT]
     lines = [f"can-frame 0 {frame.arbitration_id} {frame.data.hex()}" for frame in frames]
-    taken = 0
+    received = 0
     for frame, answer in zip(frames, c_driver.ask([new(fd), *lines])[1:], strict=True):
         packets, _ = CanObject(NODE, fd).receive(frame)
         assert answer == (packets[0].hex() if packets else ""), frame
-        taken += bool(packets)
-    assert 500 < taken < len(frames) / 2
+        received += bool(packets)
+    assert 500 < received < len(frames) / 2
 
 
 def test_only_packets_that_have_frames_are_sent(c_driver):

@@ -38,7 +38,7 @@ def numbers(values):
 
 
 def judged(data):
-    """What the Python codec says of a packet, as the C library's rd_result."""
+    """Return the Python codec's verdict on a packet, as the C library's rd_result."""
     try:
         codec.decode_packet(data)
     except MalformedPacketError:

@@ -1,4 +1,4 @@
-"""The C library as code: what it takes, what it needs, what compilers and checkers say, what a fuzzer finds."""
+"""The C library as code: size, stack, needs, the findings of compilers, checkers and a fuzzer."""
 
 import re
 import tomllib
@@ -55,7 +55,7 @@ def test_it_keeps_its_budgets_on_a_cortex_m0():
 
 
 @pytest.mark.parametrize("check", lint.CHECKS)
-def test_compilers_and_checkers_have_nothing_to_say(check):
+def test_compilers_and_checkers_find_nothing(check):
     assert or_skip(lint.CHECKS[check]) == ""
 
 
@@ -73,7 +73,7 @@ def test_a_short_run_of_the_fuzzer_finds_nothing():
 
 
 def test_the_package_ships_no_c():
-    """The library is of the repository; firmware_protocol.can, whose name begins alike, is still shipped."""
+    """The library is of the repository; firmware_protocol.can, whose name starts the same, is still shipped."""
     discovery = pytest.importorskip("setuptools.discovery")
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
     packages = discovery.PEP420PackageFinder.find(str(ROOT), **settings["packages"]["find"])
