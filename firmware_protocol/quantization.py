@@ -59,8 +59,6 @@ Q15_MAX_SQUARE = math.floor(((1.0 + NORM_TOLERANCE) * Q15_SCALE) ** 2)
 _CODE_MASK = (1 << SMALLEST_THREE_BITS) - 1
 # The component left out is the largest, so it is at least 1/2 and the other three have squares of at most 3/4 together.
 _MAX_THREE_SQUARE = 0.7501
-SMALLEST_THREE_MAX_SQUARE = math.floor(_MAX_THREE_SQUARE * SMALLEST_THREE_SCALE**2)
-"""The same in steps: the largest sum of squares of three codes, each less ``SMALLEST_THREE_OFFSET``."""
 _OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 _CORNERS = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
 

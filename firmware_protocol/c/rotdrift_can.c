@@ -12,7 +12,7 @@ enum {
     CLEAR_TO_SEND = 0,
     WAIT = 1,
     PADDING = 0xCC,
-    UNLIMITED = 255
+    UNLIMITED_BLOCK = 0xFFFF
 };
 
 static void put(uint8_t *at, uint64_t number, unsigned size) /* little endian */
@@ -51,7 +51,7 @@ static bool send_part(rd_can *can, unsigned function, unsigned first, const uint
     return send_classic(can, function, n + 1);
 }
 
-/* ------------------------------------------------------------------------------------------------------------ samples */
+/* ------------------------------------------------------------------------------------------------------- samples */
 
 uint8_t rd_boot_tag(uint64_t device_id, uint32_t boot_id)
 {
@@ -77,8 +77,8 @@ bool rd_to_smallest_three(uint64_t *code, const float q[4])
         if (k == largest)
             continue;
         const float steps = unit[k] * scale;
-        /* No component but the largest is beyond 1 / sqrt(2), 131071 steps, by more than a rounding of single precision,
-         * 0.02 steps: the code has room for it. */
+        /* No component but the largest is beyond 1 / sqrt(2), 131071 steps, by more than a rounding of single
+         * precision, 0.02 steps: the result fits its 18 bits. */
         const int32_t rounded = (int32_t)(steps < 0 ? steps - 0.5f : steps + 0.5f);
         *code = *code << RD_SMALLEST_THREE_BITS | (uint32_t)(rounded + OFFSET);
     }
@@ -128,8 +128,8 @@ static bool is_off_grid(const rd_can *can, uint32_t counter, uint32_t time_us)
     return off_us > RD_CAN_GRID_TOLERANCE_US || off_us < -RD_CAN_GRID_TOLERANCE_US;
 }
 
-/* Send SAMPLE_STATE and TIME where the listeners need them before this sample. What is noted as published is changed only
- * when all of it is sent: else the next sample tries again. */
+/* Send SAMPLE_STATE and TIME where the listeners need them before this sample. What is noted as published changes only
+ * once all of it is sent: else the next sample tries again. */
 static bool publish(rd_can *can, uint32_t counter, uint32_t time_us, uint16_t rate_hz, uint8_t flags)
 {
     const uint32_t interval = time_interval(rate_hz);
@@ -184,7 +184,7 @@ bool rd_can_sample(rd_can *can, uint32_t counter, uint32_t time_us, uint16_t rat
     return send_frame(can, RD_CAN_ORIENTATION, true, 1 + RD_ORIENTATION_BYTES, 0);
 }
 
-/* ------------------------------------------------------------------------------------------------------ other packets */
+/* ------------------------------------------------------------------------------------------------- other packets */
 
 /* STATUS as five frames; the fields are copied as they stand in the packet, which has the same byte order. */
 static bool send_status(rd_can *can, const uint8_t *packet)
@@ -282,14 +282,14 @@ bool rd_can_packet(rd_can *can, const uint8_t *packet, size_t n, uint32_t clock_
     }
 }
 
-/* ---------------------------------------------------------------------------------------------------- from the host */
+/* ------------------------------------------------------------------------------------------------- from the host */
 
 static void receive_flow_control(rd_can *can, const uint8_t *data, uint8_t length, uint32_t clock_us)
 {
     if (!can->sending.packet || length < 3 || (data[0] & 0xF0) != FLOW_CONTROL)
         return;
     if ((data[0] & 0x0F) == CLEAR_TO_SEND) {
-        can->sending.block = data[1] ? data[1] : UNLIMITED;
+        can->sending.block = data[1] ? data[1] : UNLIMITED_BLOCK;
         can->sending.separation = data[2];
     } else if ((data[0] & 0x0F) != WAIT) { /* the host has no room */
         can->sending.packet = NULL;
@@ -341,7 +341,7 @@ void rd_can_poll(rd_can *can, uint32_t clock_us)
         can->sending.sent = (uint16_t)(can->sending.sent + size);
         can->sending.sequence++;
         can->sending.since_us = clock_us;
-        if (can->sending.block != UNLIMITED)
+        if (can->sending.block != UNLIMITED_BLOCK)
             can->sending.block--;
         if (can->sending.sent == can->sending.length)
             can->sending.packet = NULL;

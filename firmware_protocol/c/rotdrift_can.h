@@ -1,14 +1,8 @@
 /* The object's end of a CAN bus, docs/can.md: packets as classic or CAN FD frames, commands out of frames.
  *
- * Nothing here waits. Frames go to a function of yours, which puts them behind what waits already and returns false where
- * there is no room; then what could not be sent is dropped, and the next sample brings the listeners up to date.
- *
- *     static rd_can can = {.node = 5, .send = my_send};
- *     can.boot_tag = rd_boot_tag(device_id, boot_id);
- *     sample:      if (!rd_can_sample(&can, counter, device_time_us, rate_hz, q, flags)) samples_dropped++;
- *     other:       rd_can_packet(&can, bytes, rd_encode(bytes, &packet), clock_us);
- *     frame came:  n = rd_can_receive(&can, id, data, length, &bytes, clock_us); if (n) rd_decode(&command, bytes, n);
- *     main loop:   rd_can_poll(&can, clock_us);
+ * Nothing here waits. Frames go to a function of the caller, which puts them behind what waits already and returns
+ * false where there is no room; what could not be sent is dropped, and the next sample brings the listeners up to date.
+ * One rd_can belongs to one context: main loop or interrupt, not both. README.md has an example.
  */
 #ifndef ROTDRIFT_CAN_H
 #define ROTDRIFT_CAN_H
@@ -21,7 +15,8 @@ extern "C" {
 
 enum { RD_CAN_MAX_BYTES = 64, RD_CAN_FLOW_CONTROL_US = 250000 };
 
-/* Queue one frame; returns false where there is no room. With CAN FD (bit RD_CAN_WHOLE_PACKET of the id): bit rate switch on, length one of CAN FD's. */
+/* Queue one frame; returns false where there is no room. An id with the bit RD_CAN_WHOLE_PACKET is a CAN FD frame, to
+ * be sent with the bit rate switch on; its length is one that CAN FD has. The data are valid during the call only. */
 typedef bool (*rd_can_send)(void *context, uint16_t id, const uint8_t *data, uint8_t length);
 
 typedef struct {
@@ -43,8 +38,9 @@ typedef struct {
     struct {
         const uint8_t *packet; /* the caller's, until sent */
         uint16_t length, sent;
-        uint8_t sequence, block, separation; /* frames of this block yet to go: 0 waits for flow control, 255 no limit */
-        uint32_t since_us;                   /* clock of the last thing that happened */
+        uint16_t block; /* frames that may go before the next flow control; 0 waits for it */
+        uint8_t sequence, separation;
+        uint32_t since_us; /* clock when the last frame came or went */
     } sending;
 
     uint8_t frame[RD_CAN_MAX_BYTES]; /* where frames are made, to spare the stack */
@@ -60,17 +56,17 @@ bool rd_to_smallest_three(uint64_t *code, const float q[4]);
 /* The opposite, w, x, y, z; the component left out comes back positive. False where no quaternion has this code. */
 bool rd_from_smallest_three(float q[4], uint64_t code);
 
-/* Send one sample, and before it SAMPLE_STATE and TIME where they are due. The counter counts samples produced since the
- * reset. Where the filter has failed (rd_normalise), a classic frame carries no orientation; in CAN FD nothing is sent.
- * False where the sample itself was not sent: count it as dropped. */
+/* Send one sample, and before it SAMPLE_STATE and TIME where they are due. The counter counts samples produced since
+ * the reset. Where the filter has failed (rd_normalise), a classic frame carries no orientation; in CAN FD nothing is
+ * sent. False where the sample itself was not sent: count it as dropped. */
 bool rd_can_sample(rd_can *can, uint32_t counter, uint32_t time_us, uint16_t rate_hz, const float q[4], uint8_t flags);
 
-/* Send a packet of rd_encode other than ORIENTATION. INFO must stay where it is until it is sent (sending.packet is NULL);
- * a second one is refused until then. False where the packet was not sent, or not in full. */
+/* Send a packet of rd_encode other than ORIENTATION. INFO must stay where it is until it is sent (sending.packet is
+ * NULL); a second one is refused until then. False where the packet was not sent, or not in full. */
 bool rd_can_packet(rd_can *can, const uint8_t *packet, size_t n, uint32_t clock_us);
 
-/* Process a frame from the bus with an 11-bit id: a command to this object, or flow control of a host. Returns the length
- * of the command's packet, which is inside data; 0 for everything else. */
+/* Process a frame from the bus with an 11-bit id: a command to this object, or flow control of a host. Returns the
+ * length of the command's packet, which is inside data; 0 for everything else. */
 size_t rd_can_receive(rd_can *can, uint16_t id, const uint8_t *data, uint8_t length, const uint8_t **packet,
                       uint32_t clock_us);
 

@@ -1,4 +1,4 @@
-/* Made by `python -m firmware_protocol.vectors.c_header`; not written by hand. */
+/* Made by `python -m tests.c_library.constants`; not written by hand. */
 #ifndef ROTDRIFT_CONSTANTS_H
 #define ROTDRIFT_CONSTANTS_H
 

@@ -3,7 +3,7 @@
 /* Declared, not included: bare cross compilers have no string.h. */
 extern void *memcpy(void *to, const void *from, size_t n);
 
-/* ------------------------------------------------------------------------------------------------------------ packets
+/* ------------------------------------------------------------------------------------------------------- packets
  * The layouts come from the schema by the RD_LAYOUT macros; the structs are those of the header. One table, one byte a
  * number, serves both directions: for every packet its type, size and number of fields, then the fields. */
 
@@ -36,9 +36,9 @@ static const layout_row LAYOUTS[] = {
 };
 
 /* Offsets fit a byte, and every member is as wide as in the schema: else these arrays have a negative size. */
+#define SIZE(kind) ((kind) == KIND_U8_U16 ? sizeof(rd_weight) : (size_t)(kind))
 #define SAME_SIZE(S, name, kind, n) \
-    typedef char S##_##name##_has_the_size_of_the_schema \
-        [sizeof(((S *)0)->name) == (KIND_##kind == KIND_U8_U16 ? sizeof(rd_weight) : (size_t)KIND_##kind) * (n) ? 1 : -1];
+    typedef char S##_##name##_has_the_size_of_the_schema[sizeof(((S *)0)->name) == (n) * SIZE(KIND_##kind) ? 1 : -1];
 typedef char offsets_fit_a_byte[sizeof(rd_info) <= 256 ? 1 : -1];
 RD_LAYOUT_INFO(SAME_SIZE, rd_info)
 RD_LAYOUT_ORIENTATION(SAME_SIZE, rd_orientation)
@@ -217,7 +217,7 @@ rd_result rd_decode(rd_packet *packet, const uint8_t *bytes, size_t n)
     return is_valid(packet) ? RD_PACKET : RD_MALFORMED;
 }
 
-/* ------------------------------------------------------------------------------------------------------------- values */
+/* -------------------------------------------------------------------------------------------------------- values */
 
 float rd_inverse_root(float square)
 {
@@ -263,7 +263,7 @@ bool rd_quantise(int16_t q_wxyz[4], const float q[4])
     return true;
 }
 
-/* ------------------------------------------------------------------------------------------------------ serial frames */
+/* ------------------------------------------------------------------------------------------------- serial frames */
 
 uint16_t rd_crc16(const uint8_t *bytes, size_t n)
 {

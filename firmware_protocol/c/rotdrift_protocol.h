@@ -3,10 +3,7 @@
  * Freestanding: no allocation, no static data, nothing of libc but memcpy. Any byte order, any alignment. Nothing here
  * waits or sends: bytes go in and bytes come out, the caller owns every buffer.
  *
- *     rd_packet packet = {RD_ORIENTATION, {.orientation = {sequence, device_time_us, {0}, RD_FLAG_STILL}}};
- *     uint8_t bytes[RD_ORIENTATION_BYTES], frame[RD_ORIENTATION_BYTES + RD_FRAME_OVERHEAD];
- *     if (rd_quantise(packet.as.orientation.q_wxyz, q))
- *         send(frame, rd_frame(frame, bytes, rd_encode(bytes, &packet)));
+ * README.md has an example.
  */
 #ifndef ROTDRIFT_PROTOCOL_H
 #define ROTDRIFT_PROTOCOL_H
@@ -21,9 +18,9 @@
 extern "C" {
 #endif
 
-/* ------------------------------------------------------------------------------------------------------------ packets
- * Fields have the names, the units and the steps of the tables in docs/protocol.md: numbers are the counts that stand on
- * the wire. Texts are UTF-8, filled up with zeros. Unknown numbers of INFO are NaN. */
+/* ------------------------------------------------------------------------------------------------------- packets
+ * Fields have the names, the units and the steps of the tables in docs/protocol.md: numbers are the counts that stand
+ * on the wire. Texts are UTF-8, filled up with zeros. Unknown numbers of INFO are NaN. */
 
 typedef struct {
     uint8_t slot;
@@ -145,7 +142,7 @@ size_t rd_encode(uint8_t *bytes, const rd_packet *packet);
 /* Read a packet of n bytes. Bytes behind the fields known here belong to a newer minor version and are ignored. */
 rd_result rd_decode(rd_packet *packet, const uint8_t *bytes, size_t n);
 
-/* ------------------------------------------------------------------------------------------------------------- values */
+/* -------------------------------------------------------------------------------------------------------- values */
 
 /* 1 / sqrt(square) for 0.25 <= square <= 1.05, to float precision, without libm. */
 float rd_inverse_root(float square);
@@ -161,7 +158,7 @@ bool rd_quantise(int16_t q_wxyz[4], const float q[4]);
 /* A measured value as an int16 count: rounded to nearest, lowest or 32767 where beyond, 0 for NaN. */
 int16_t rd_counts(float counts, int16_t lowest);
 
-/* ------------------------------------------------------------------------------------------------------ serial frames */
+/* ------------------------------------------------------------------------------------------------- serial frames */
 
 enum { RD_FRAME_OVERHEAD = RD_MAX_FRAME_BYTES - RD_MAX_PACKET_BYTES };
 

@@ -1,5 +1,5 @@
-/* What the sequence numbers of ORIENTATION show: lost, repeated and late samples. For a host or a bridge in C; an object
- * does not need it. */
+/* What the sequence numbers of ORIENTATION show: lost, repeated and late samples. For a host or a bridge in C; an
+ * object does not need it. */
 #ifndef ROTDRIFT_SEQUENCE_H
 #define ROTDRIFT_SEQUENCE_H
 

@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.waiting import HANG_S
+
 LIBRARY = Path(__file__).resolve().parents[2] / "firmware_protocol" / "c"
 HERE = Path(__file__).resolve().parent
 SOURCES = tuple(sorted(LIBRARY.glob("*.c")))
@@ -25,7 +27,6 @@ CORES = {
     "mps2-an386": ("-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"),
 }
 """Emulated boards, and the code they run: soft float of the smallest core, hardware float of a larger one."""
-RUN_LIMIT_S = 120
 
 
 class MissingToolError(Exception):
@@ -56,7 +57,7 @@ def compiled(compiler: str, sources: Iterable[Path], flags: Iterable[str]) -> Pa
         with tempfile.TemporaryDirectory(dir=program.parent) as folder:
             made = Path(folder) / "program"
             command = [compiler, *flags, "-I", LIBRARY, *files, "-o", made]
-            subprocess.run(command, check=True, timeout=RUN_LIMIT_S)
+            subprocess.run(command, check=True, timeout=HANG_S)
             made.replace(program)  # whole or not at all, also when two build it
     return program
 
@@ -83,7 +84,7 @@ class Driver:
                 [*self.command, *files],
                 capture_output=True,
                 text=True,
-                timeout=RUN_LIMIT_S,
+                timeout=HANG_S,
                 env={**os.environ, "LC_ALL": "C"},
             )
             if done.returncode:

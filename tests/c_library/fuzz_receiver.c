@@ -88,8 +88,8 @@ static void check_can(const uint8_t *data, size_t n)
         memcpy(frame, data + at + 4, length);
         memcpy(exact, frame, length);
         rd_can_packet(&can, INFO, sizeof INFO, clock_us);
-        const size_t size = rd_can_receive(&can, (uint16_t)((data[at] << 8 | data[at + 1]) & 0x7FF), exact, length, &packet,
-                                           clock_us);
+        const uint16_t id = (uint16_t)((data[at] << 8 | data[at + 1]) & 0x7FF);
+        const size_t size = rd_can_receive(&can, id, exact, length, &packet, clock_us);
         demand(size == 0 || (packet >= exact && packet + size <= exact + length));
         rd_can_poll(&can, clock_us);
         float q[4] = {0};

@@ -4,7 +4,6 @@ import json
 import math
 import random
 import struct
-from importlib import resources
 
 import numpy as np
 import pytest
@@ -22,10 +21,10 @@ from firmware_protocol.quantization import (
     quats_from_smallest_three,
     quats_to_smallest_three,
 )
-from firmware_protocol.vectors import CAN_FILE_NAME
 from tests.can_traffic import info_packet, is_sample, joined, object_at, sample_packets, unit_quaternions
+from tests.vectors.files import CAN_FILE
 
-DOCUMENT = json.loads(resources.files("firmware_protocol.vectors").joinpath(CAN_FILE_NAME).read_text(encoding="utf-8"))
+DOCUMENT = json.loads(CAN_FILE.read_text(encoding="utf-8"))
 NODE = DOCUMENT["node"]
 DEVICE_ID, BOOT_ID = 0x0123456789ABCDEF, 0xC0FFEE42
 FD_FLAGS = FrameFlag.FD | FrameFlag.BITRATE_SWITCH

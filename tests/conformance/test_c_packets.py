@@ -2,21 +2,26 @@
 
 import math
 import random
+import re
 import struct
+import subprocess
 
 import numpy as np
 import pytest
 
 from analysis.geometry.rotations import distance
+from docs.field_tables import field_rows
 from emulator.motion.hand_motion import HandMotion
 from emulator.scenario import load_scenario
 from firmware_protocol import codec, schema
 from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
-from firmware_protocol.packets import OrientationBatch, PacketType
+from firmware_protocol.packets import OrientationBatch, PacketType, SetRate
 from firmware_protocol.quantization import Q15_MAX_ERROR_RAD, Q15_MAX_SQUARE, Q15_MIN_SQUARE, quat_to_q15
-from firmware_protocol.serial.decoder import StreamDecoder
-from firmware_protocol.vectors import load_vectors
+from firmware_protocol.serial.decoder import StreamDecoder, encode_command
+from firmware_protocol.serial.framing import encode_frame
+from tests.c_library.build import LIBRARY, SANITIZERS, SOURCES, WARNINGS, MissingToolError, tool
 from tests.c_library.damaged_streams import Streams, compare, decoded_by_c
+from tests.vectors.files import load_vectors
 from tests.wire_streams import decode_slowly
 
 VECTORS = load_vectors()
@@ -58,7 +63,7 @@ def assert_decodes_as_ours(driver, packets):
         assert int(result) == judged(data), data.hex()
         if int(result) == PACKET:
             good += 1
-            known = data[: codec.packet_bytes(data[0])]
+            known = data[: schema.PACKET_BYTES[PacketType(data[0])]]
             assert rest[0] == known.hex()
             assert bits_of(data[0], rest[1:]) == known[1:]
             if not has_nan(data):  # bits_of has compared those: one NaN is many bit patterns
@@ -73,7 +78,7 @@ def has_nan(data):
 def bits_of(type_byte, fields):
     """Fields of the C program put together again by the schema's own table."""
     layout = "<"
-    for row in schema.field_rows(PacketType(type_byte))[1:]:
+    for row in field_rows(PacketType(type_byte))[1:]:
         kind, _, count = row.wire_type.partition("[")
         count = int(count.rstrip("]")) if count else 1
         if kind.startswith("{"):
@@ -144,7 +149,7 @@ def random_values(packet_type, rng):
         "with_raw_imu": lambda: rng.randrange(3),
     }
     values = []
-    for row in schema.field_rows(packet_type)[1:]:
+    for row in field_rows(packet_type)[1:]:
         kind, _, count = row.wire_type.partition("[")
         count = int(count.rstrip("]")) if count else 1
         if row.name == "q_wxyz":
@@ -207,7 +212,7 @@ def test_tables_agree_on_every_value_of_a_byte(c_driver):
     changed = []
     for name, data in packets.items():
         enumerated = ("packet_type", "protocol_major", "shape", "weight_count", "state", "code", "kind", "with_raw_imu")
-        for row in schema.field_rows(PacketType[name]):
+        for row in field_rows(PacketType[name]):
             if row.name in enumerated:
                 changed += [data[: row.offset] + bytes([value]) + data[row.offset + 1 :] for value in range(256)]
     assert assert_decodes_as_ours(c_driver, changed) > 100
@@ -367,3 +372,52 @@ def test_long_losses_and_late_samples(c_driver):
             first + 40_001 - 512,
         ]
         compare(c_driver, [b"".join(frame(orientation(number, rng)) for number in sequences)])
+
+
+# ---- the example of the library's page
+
+HARNESS = """
+#include <stdio.h>
+
+void link_write(const uint8_t *bytes, size_t n)
+{
+    while (n--) printf("%02x", *bytes++);
+    printf("\\n");
+}
+
+void answer(const rd_packet *command, rd_result result, const uint8_t *bytes, size_t n)
+{
+    printf("%d %d %d %d\\n", (int)result, command->type, bytes[1], (int)n);
+}
+
+int main(void)
+{
+    const float q[4] = {1.000122f, 0.0f, 0.0f, 0.0f}, failed[4] = {0};
+    printf("%d\\n", send_sample(7, 70000, q, RD_FLAG_STILL));
+    printf("%d\\n", send_sample(8, 80000, failed, 0));
+    for (int byte; (byte = getchar()) != EOF;) byte_received((uint8_t)byte);
+    return 0;
+}
+"""
+
+
+def test_the_example_of_the_page_sends_a_sample_and_receives_commands(tmp_path):
+    try:
+        compiler = tool("gcc", "gcc")
+    except MissingToolError as error:
+        pytest.skip(str(error))
+    (code,) = re.findall(r"```c\n(.*?)```", (LIBRARY / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "object.c").write_text(code + HARNESS, encoding="utf-8")
+    flags = [flag for flag in WARNINGS if flag != "-Wstrict-prototypes"]
+    files = ["object.c", *SOURCES, "-o", "object"]
+    subprocess.run([compiler, *flags, *SANITIZERS, "-I", LIBRARY, *files], cwd=tmp_path, check=True, timeout=60)
+    commands = (
+        encode_command(SetRate(9, 100)) + encode_frame(b"\xee\x0a") + encode_frame(b"\x84\x0b") + encode_frame(b"\x84")
+    )
+    done = subprocess.run([tmp_path / "object"], input=commands, capture_output=True, check=True, timeout=60)
+    sample, sent, failed, *answers = done.stdout.decode().splitlines()
+    (batch,) = StreamDecoder().feed(bytes.fromhex(sample))
+    assert (batch.sequence.tolist(), batch.device_time_us.tolist(), batch.flags.tolist()) == ([7], [70000], [1])
+    assert batch.quats_wxyz.tolist() == [[1.0, 0.0, 0.0, 0.0]]
+    assert (sent, failed) == ("1", "0")
+    assert answers == [f"{PACKET} 132 9 4", f"{UNKNOWN_TYPE} 238 10 2", f"{MALFORMED} 132 11 2"]

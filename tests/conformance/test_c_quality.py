@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from firmware_protocol.vectors.c_header import LATE_WINDOW, header_text
-from tests import sequence_oracle
 from tests.c_library import budgets, fuzz, lint
 from tests.c_library.build import LIBRARY, MissingToolError
+from tests.c_library.constants import HEADER, header_text
 
 ROOT = LIBRARY.parents[1]
 
@@ -23,9 +22,7 @@ def or_skip(measure, *arguments):
 
 
 def test_the_constants_are_those_of_the_schema():
-    shipped = (LIBRARY / "rotdrift_constants.h").read_text(encoding="utf-8")
-    assert shipped == header_text(), "run `python -m firmware_protocol.vectors.c_header`, see its first lines"
-    assert LATE_WINDOW == sequence_oracle.LATE_WINDOW
+    assert HEADER.read_text(encoding="utf-8") == header_text(), "run `python -m tests.c_library.constants`"
 
 
 def test_files_stay_readable():
@@ -77,7 +74,7 @@ def test_the_package_ships_no_c():
     discovery = pytest.importorskip("setuptools.discovery")
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
     packages = discovery.PEP420PackageFinder.find(str(ROOT), **settings["packages"]["find"])
-    assert {"firmware_protocol", "firmware_protocol.can", "firmware_protocol.vectors"} <= set(packages)
+    assert {"firmware_protocol", "firmware_protocol.can"} <= set(packages)
     shipped = [
         path
         for package in packages
@@ -97,6 +94,6 @@ def test_the_library_page_names_every_file_and_command():
     page = (LIBRARY / "README.md").read_text(encoding="utf-8")
     for path in [*LIBRARY.glob("*.[ch]")]:
         assert path.stem in page, path.name
-    for command in re.findall(r"python -m (tests\.c_library\.\w+|firmware_protocol\.vectors\.\w+)", page):
+    for command in re.findall(r"python -m (tests\.c_library\.\w+)", page):
         assert Path(ROOT, *command.split(".")).with_suffix(".py").exists(), command
-    assert len(set(re.findall(r"python -m tests\.c_library\.(\w+)", page))) == 4
+    assert len(set(re.findall(r"python -m tests\.c_library\.(\w+)", page))) == 5

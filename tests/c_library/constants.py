@@ -1,20 +1,20 @@
-"""Print the constants header of the C library; what stands in it comes from the schema and the tables beside it.
-
-``python -m firmware_protocol.vectors.c_header > firmware_protocol/c/rotdrift_constants.h``
-"""
+"""``python -m tests.c_library.constants``: write the constants of the C library from the schema and its tables."""
 
 from __future__ import annotations
 
 import enum
+import math
 import re
 
+from docs.field_tables import field_rows
 from firmware_protocol import packets as p
 from firmware_protocol import quantization, schema, wire_values
 from firmware_protocol.can import mapping
 from firmware_protocol.serial import framing
+from tests.c_library.build import LIBRARY
+from tests.sequence_oracle import LATE_WINDOW
 
-LATE_WINDOW = 256
-"""How far behind the newest sequence number a sample may come and still be late, not of a restarted object."""
+HEADER = LIBRARY / "rotdrift_constants.h"
 _TABLES: dict[str, type[enum.IntEnum] | type[enum.IntFlag]] = {
     "SHAPE": p.ObjectShape,
     "FLAG": p.OrientationFlag,
@@ -33,7 +33,7 @@ def _enumeration(members: list[tuple[str, int]]) -> str:
 def _layout(packet_type: p.PacketType) -> str:
     """Return the macro that lists a packet's fields behind the type byte: struct, name, kind, how many."""
     fields = []
-    for row in schema.field_rows(packet_type)[1:]:
+    for row in field_rows(packet_type)[1:]:
         kind, count = re.fullmatch(r"(.*?)(?:\[(\d+)\])?", row.wire_type).groups()  # type: ignore[union-attr]
         kind = re.sub(r"\W+", "_", kind.replace("char", "u8")).strip("_").upper()
         fields.append(f"FIELD(S, {row.name}, {kind}, {count or 1})")
@@ -62,16 +62,18 @@ def header_text() -> str:
         ("CAN_MAX_TIME_INTERVAL", mapping.MAX_TIME_INTERVAL),
         ("CAN_GRID_TOLERANCE_US", mapping.GRID_TOLERANCE_US),
     ]
-    rows = {packet_type: schema.field_rows(packet_type) for packet_type in p.PacketType}
+    # In steps, where C can judge the sum of squares exactly.
+    three_max = math.floor(quantization._MAX_THREE_SQUARE * quantization.SMALLEST_THREE_SCALE**2)
+    rows = {packet_type: field_rows(packet_type) for packet_type in p.PacketType}
     parts = [
-        "/* Made by `python -m firmware_protocol.vectors.c_header`; not written by hand. */\n"
+        "/* Made by `python -m tests.c_library.constants`; not written by hand. */\n"
         "#ifndef ROTDRIFT_CONSTANTS_H\n#define ROTDRIFT_CONSTANTS_H\n",
         _enumeration(numbers),
         f"\n#define RD_Q15_MIN_SQUARE {quantization.Q15_MIN_SQUARE}u\n",
         f"#define RD_Q15_MAX_SQUARE {quantization.Q15_MAX_SQUARE}u\n",
         f"#define RD_NORM_TOLERANCE {quantization.NORM_TOLERANCE}f\n",
         f"#define RD_SMALLEST_THREE_SCALE {quantization.SMALLEST_THREE_SCALE:.3f}f\n",
-        f"#define RD_SMALLEST_THREE_MAX_SQUARE {quantization.SMALLEST_THREE_MAX_SQUARE}ull\n",
+        f"#define RD_SMALLEST_THREE_MAX_SQUARE {three_max}ull\n",
         f"#define RD_GYRO_COUNTS_PER_DPS {1 / wire_values.GYRO_LSB_DPS!r}f\n",
         f"#define RD_ACCELERATION_COUNTS_PER_G {1 / wire_values.ACCELERATION_LSB_G!r}f\n",
         _enumeration([(kind.name, int(kind)) for kind in p.PacketType]),
@@ -88,4 +90,4 @@ def header_text() -> str:
 
 
 if __name__ == "__main__":
-    print(header_text(), end="")  # noqa: T201 (what it is for)
+    HEADER.write_text(header_text(), encoding="utf-8")
