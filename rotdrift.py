@@ -1,7 +1,7 @@
 """Start of the ``rotdrift`` command: make sure that our packages are ours, then hand over to :mod:`host.cli`.
 
 ``analysis``, ``emulator``, ``firmware_protocol`` and ``host`` are generic names: another distribution, or a ``host.py``
-on the path, can hide ours. A hidden ``host`` cannot say so itself, therefore this is a module of its own.
+on the path, can hide ours. A hidden ``host`` cannot report it itself, therefore this is a module of its own.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def hidden_package(root: Path) -> str | None:
     Returns
     -------
     str or None
-        One sentence that says what to do; None when all four are ours.
+        One sentence with a remedy; None when all four are ours.
     """
     for name, known_by in PACKAGES.items():
         try:

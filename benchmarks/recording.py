@@ -60,13 +60,13 @@ from benchmarks.recording import peak_kib as peak
 from pathlib import Path
 from firmware_protocol.packets import OrientationBatch
 from host.stream.decoding import Link
-from host.recording.bulk.raw_stretch import RawStretch
+from host.recording.bulk.raw_span import RawSpan
 from host.recording.reader import RecordingReader
 base = peak()
 start = time.process_time()
 link, n = Link(), 0
-for part in RecordingReader(Path(sys.argv[1])).stretches():
-    items = link.feed_stretch(part.data).items() if isinstance(part, RawStretch) else link.feed(part)
+for part in RecordingReader(Path(sys.argv[1])).spans():
+    items = link.feed_span(part.data).items() if isinstance(part, RawSpan) else link.feed(part)
     n += sum(len(item) for item in items if isinstance(item, OrientationBatch))
 assert link.counters.crc_errors == link.counters.malformed == 0
 highest = peak()

@@ -39,7 +39,7 @@ def find_cycles(
     window: tuple[float, float] | None = None,
     like_s: Sequence[float] = (),
 ) -> CycleAnalysis:
-    """Find the end points of a periodic motion, or say why there are none to score.
+    """Return the end points of a periodic motion, or why there are none to score.
 
     Parameters
     ----------

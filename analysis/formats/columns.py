@@ -134,7 +134,7 @@ def _check(columns: dict[str, str], settings: dict[str, str]) -> None:
     for key, value in settings.items():
         column, _ = _SETTINGS[key]
         if column and column not in columns:
-            raise ReaderError(f"--columns: {key}={plain(value)} says something of {column}, which is not there")
+            raise ReaderError(f"--columns: {key}={plain(value)} describes {column}, which is not there")
     if with_euler:
         kind, _, order = settings.get("euler", "").partition("-")
         axes = order.replace("-", "")

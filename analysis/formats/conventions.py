@@ -1,4 +1,4 @@
-"""Does the data contradict the declared convention? θ̄ alone cannot tell.
+"""Does the data contradict the declared convention? θ̄ alone does not show it.
 
 Components read in the wrong order, or orientations read the wrong way round, give a plausible θ̄ and a drift axis that
 is wrong by 43 to 89 degrees. What can show it: jumps, the direction of gravity, and the axis of motion. A silent check

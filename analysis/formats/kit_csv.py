@@ -1,4 +1,4 @@
-"""The two CSV layouts of the benchmark authors' own recordings, told apart by content, never by name.
+"""The two CSV layouts of the benchmark authors' own recordings, distinguished by content, never by name.
 
 T42 (header row): Unix time ``ts`` in s, position ``tx,ty,tz`` in m, ``rx,ry,rz`` in rad, Euler extrinsic x-y-z; some
 files also carry the quaternion ``qx,qy,qz,qw``, which then has to agree. This layout is written too, with a running

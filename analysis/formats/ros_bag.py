@@ -130,7 +130,7 @@ def _collect(messages: Iterator[tuple[int, Any]], kind: str, source: str, what: 
     for stamp_ns, message in messages:
         if getattr(message, "orientation_covariance", (0.0,))[0] == -1.0:
             raise ReaderError(
-                "the sensor gives no orientation, as its orientation_covariance says; run an orientation filter, such "
+                "the sensor gives no orientation, as its orientation_covariance shows; run an orientation filter, such "
                 "as imu_filter_madgwick, and record its topic"
             )
         quat = orientation_of(message)

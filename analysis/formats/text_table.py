@@ -206,14 +206,14 @@ def _first_fault(source: SourceFile, layout: Layout, seen: str) -> ReaderError:
                 if column >= len(cells):
                     return ReaderError(
                         f"{where}: {len(cells)} columns, but {plain(name)} is column {column + 1}; "
-                        "mend or remove that line"
+                        "correct or remove that line"
                     )
                 cell = _bare(cells[column])
                 if not _is_number(cell):
                     what = f"'{plain(cell)}' is not a number" if cell else "nothing where a number should be"
                     comma = layout.delimiter != "," and _DECIMAL_COMMA.match(cell)
                     # A warning of a result may quote this sentence (T42), so its words are values.
-                    remedy = "save the file with decimal points" if comma else "mend or remove that line"
+                    remedy = "save the file with decimal points" if comma else "correct or remove that line"
                     return ReaderError(f"{where}: {what} in column {plain(name)}; {remedy}")
     return ReaderError(f"{source.name} cannot be read as numbers: {plain(seen, 200)}")
 

@@ -56,7 +56,7 @@ SEQUENCE_MODULUS = 256
 """The counter's part in every ORIENTATION frame."""
 TIME_FRAMES_PER_S = 5
 MAX_TIME_INTERVAL = 64
-"""Samples between TIME frames at high rates: a quarter of what the eight bits can tell apart."""
+"""Samples between TIME frames at high rates: a quarter of what the eight bits can distinguish."""
 GRID_TOLERANCE_US = 1
 """Device time of a sample, as the host computes it, is exact within this; exactly right where the rate divides 10^6."""
 

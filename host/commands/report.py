@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
     windowed = window(args.start, args.end) is not None
     if args.endpoints and windowed:
-        raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
+        raise UsageError("--endpoints and --from/--to both choose what to score", "give one of them")
     if len(args.trials) > 1 and (args.endpoints or windowed):
         raise UsageError(
             "--endpoints, --from and --to are for one trial", "put NAME.endpoints.csv beside each recording instead"

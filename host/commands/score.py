@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     from host.results.batch import expand
 
     if args.endpoints is not None and window(args.start, args.end) is not None:
-        raise UsageError("--endpoints and --from/--to both say what to score", "give one of them")
+        raise UsageError("--endpoints and --from/--to both choose what to score", "give one of them")
     _check_plot(args.plot)
     files = expand(args.files)
     if len(files) > 1 or files != args.files:

@@ -19,7 +19,7 @@ from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import Event, OrientationBatch, Status, TimeReply
 from host.links.transport import AnyChunk, FrameChunk, joined
 from host.recording.arrivals import RecordedRoundTrips, SampleArrivals
-from host.recording.bulk.raw_stretch import RawStretch
+from host.recording.bulk.raw_span import RawSpan
 from host.stream.decoding import Link, grouped
 from host.stream.samples import SampleAssembler, TimedStatus
 from host.stream.series import SampleGatherer
@@ -32,7 +32,7 @@ MAX_RUNS = 1_000_000
 """Runs of missing samples kept, to be counted cycle by cycle: a day at 200 Hz with one sample in twenty missing."""
 PART_SAMPLES = 1 << 14
 """Samples taken together: what is worked out of them stays in the cache. Measured."""
-STRETCH_BYTES = 2**20
+SPAN_BYTES = 2**20
 """Single chunks are put end to end up to about so many bytes."""
 
 
@@ -48,7 +48,7 @@ class TimedEvent:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PlacedSamples:
-    """n samples, and which chunk of a stretch completed each."""
+    """n samples, and which chunk of a span completed each."""
 
     batch: OrientationBatch
     places: IntArray  # (n,) of the chunks
@@ -73,13 +73,13 @@ class TrialAssembly:
         self._waiting: list[tuple[Event, int]] = []  # events in front of the first sample of their chunk
         self._heard_ns = 0
 
-    def feed(self, delivered: Iterable[RawStretch | AnyChunk]) -> None:
+    def feed(self, delivered: Iterable[RawSpan | AnyChunk]) -> None:
         """Process all that was delivered."""
         for item in _joined(delivered):
-            if not isinstance(item, RawStretch):
+            if not isinstance(item, RawSpan):
                 self._feed_chunks(item)
             elif self.link.is_of_bytes:
-                self._feed_stretch(item)
+                self._feed_span(item)
             else:  # bytes on what began as a CAN link, which no recording of ours has
                 self._feed_chunks([*item.chunks()])
 
@@ -91,12 +91,12 @@ class TrialAssembly:
         self.samples.add(self.assembler.feed(held, self._heard_ns))
         self.samples.add(self.assembler.release())
 
-    def _feed_stretch(self, stretch: RawStretch) -> None:
-        packets = self.link.feed_stretch(stretch.data)
+    def _feed_span(self, span: RawSpan) -> None:
+        packets = self.link.feed_span(span.data)
         self.assembler.damaged(self.link.take_damage())
         assert packets.ends is not None
-        samples = _PlacedSamples(packets.samples, *_arrivals(stretch, packets.ends))
-        _, times_ns = _arrivals(stretch, np.array([end for _, _, end in packets.others], dtype=np.int64))
+        samples = _PlacedSamples(packets.samples, *_arrivals(span, packets.ends))
+        _, times_ns = _arrivals(span, np.array([end for _, _, end in packets.others], dtype=np.int64))
         start, statuses = 0, list[TimedStatus]()
         for (position, packet, _), time_ns in zip(packets.others, times_ns.tolist(), strict=True):
             if isinstance(packet, TimeReply):
@@ -110,7 +110,7 @@ class TrialAssembly:
                 self._feed_other(packet, time_ns)
         self._feed_parts(samples, start, len(packets.samples), statuses)
         self._waiting.clear()
-        self._heard_ns = int(stretch.host_time_ns[-1])
+        self._heard_ns = int(span.host_time_ns[-1])
 
     def _feed_parts(self, samples: _PlacedSamples, start: int, stop: int, statuses: list[TimedStatus]) -> None:
         """Feed samples and the STATUS packets among them, so many at a time."""
@@ -190,25 +190,25 @@ class TrialAssembly:
             self.reopened += 1
 
 
-def _arrivals(stretch: RawStretch, ends: IntArray) -> tuple[IntArray, IntArray]:
+def _arrivals(span: RawSpan, ends: IntArray) -> tuple[IntArray, IntArray]:
     """Return in which chunk each packet ends (the first whose stop is behind it), and when it came. Ends ascend."""
     if not len(ends):
         return ends, ends
-    stops = stretch.stops
+    stops = span.stops
     first, last = np.searchsorted(stops, ends[[0, -1]], side="right").tolist()
     if last - first >= len(ends):
         places: IntArray = np.searchsorted(stops, ends, side="right")
     else:  # fewer chunks than packets: look up the chunks
         bounds = np.searchsorted(ends, stops[first:last])
         places = np.repeat(np.arange(first, last + 1), np.diff(bounds, prepend=0, append=len(ends)))
-    return places, stretch.host_time_ns[places]
+    return places, span.host_time_ns[places]
 
 
-def _joined(delivered: Iterable[RawStretch | AnyChunk]) -> Iterator[RawStretch | list[AnyChunk]]:
+def _joined(delivered: Iterable[RawSpan | AnyChunk]) -> Iterator[RawSpan | list[AnyChunk]]:
     """Put single chunks together: those of bytes end to end, those of CAN frames as :func:`grouped` does."""
     for kind, items in groupby(delivered, _kind):
-        if kind is RawStretch:
-            yield from cast(Iterator[RawStretch], items)
+        if kind is RawSpan:
+            yield from cast(Iterator[RawSpan], items)
             continue
         chunks = cast(Iterator[AnyChunk], items)
         if kind is None:  # empty: the link was opened again
@@ -216,8 +216,8 @@ def _joined(delivered: Iterable[RawStretch | AnyChunk]) -> Iterator[RawStretch |
         elif kind is FrameChunk:
             yield from grouped(chunks)
         else:
-            yield from map(RawStretch.of, grouped(chunks, STRETCH_BYTES, sys.maxsize))
+            yield from map(RawSpan.of, grouped(chunks, SPAN_BYTES, sys.maxsize))
 
 
-def _kind(item: RawStretch | AnyChunk) -> type | None:
-    return type(item) if isinstance(item, RawStretch) or item.data else None
+def _kind(item: RawSpan | AnyChunk) -> type | None:
+    return type(item) if isinstance(item, RawSpan) or item.data else None

@@ -20,7 +20,7 @@ from host.losses.runs import MissingRun
 from host.recording import format as fmt
 from host.recording.arrivals import RecordedRoundTrips, offline_clock
 from host.recording.assembly import MAX_EVENTS, TimedEvent, TrialAssembly
-from host.recording.bulk.raw_stretch import RawStretch
+from host.recording.bulk.raw_span import RawSpan
 from host.recording.reader import RecordedMessage, RecordingHeader, RecordingReader
 from host.stream.blocks import SegmentStart
 from host.trial.operator import OperatorAction, action_of
@@ -69,7 +69,7 @@ class RecordedTrial:
 
 
 def assemble(
-    delivered: Iterable[RawStretch | AnyChunk],
+    delivered: Iterable[RawSpan | AnyChunk],
     source: str,
     node: int | None = None,
     trips: RecordedRoundTrips | None = None,
@@ -79,7 +79,7 @@ def assemble(
 
     Parameters
     ----------
-    delivered : iterable of RawStretch or AnyChunk
+    delivered : iterable of RawSpan or AnyChunk
         What the link delivered, in order.
     source : str
         Where they come from, for people.
@@ -136,9 +136,9 @@ def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
 
 def _delivered(
     reader: RecordingReader, actions: list[OperatorAction], trips: RecordedRoundTrips
-) -> Iterator[RawStretch | AnyChunk]:
+) -> Iterator[RawSpan | AnyChunk]:
     """Yield what the link delivered; collect what the operator did and what was sent on the way."""
-    for item in reader.stretches({fmt.SENT, fmt.ACTION}):
+    for item in reader.spans({fmt.SENT, fmt.ACTION}):
         if not isinstance(item, RecordedMessage):
             yield item
             continue

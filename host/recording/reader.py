@@ -27,7 +27,7 @@ from mcap.writer import MCAP0_MAGIC
 from host.errors import FileError, unreadable
 from host.links.transport import AnyChunk
 from host.recording import format as fmt
-from host.recording.bulk.raw_stretch import RawStretch, raw_stretches
+from host.recording.bulk.raw_span import RawSpan, raw_spans
 from host.recording.bulk.record_runs import EvenRun, MessageRun, RecordRuns, on_channels
 
 MAX_RECORD_BYTES = 64 * 2**20
@@ -117,7 +117,7 @@ class RecordingReader:
         for _, body in self._wanted({topic}):
             yield from self._chunk(topic, body)
 
-    def stretches(self, topics: Iterable[str] = ()) -> Iterator[RawStretch | AnyChunk | RecordedMessage]:
+    def spans(self, topics: Iterable[str] = ()) -> Iterator[RawSpan | AnyChunk | RecordedMessage]:
         """Yield what the link delivered, in order, many chunks at a time; and, not later, the messages on other topics.
 
         The chunks of a byte link come end to end; empty ones and those of CAN frames one by one.
@@ -134,7 +134,7 @@ class RecordingReader:
             for channel, start, end in run.where(~received).places():
                 yield _recorded(self._channels[channel], body[start:end])
             chunks = run.where(received)
-            for item in raw_stretches(body, chunks.starts, chunks.ends):
+            for item in raw_spans(body, chunks.starts, chunks.ends):
                 if isinstance(item, fmt.DamagedMessageError):
                     self.note_damaged(fmt.RECEIVED, item)
                 else:

@@ -65,7 +65,7 @@ class Link:
         self.n_bytes += len(chunk.data)
         return self._decoder.feed(chunk.data)
 
-    def feed_stretch(self, data: bytes) -> LocatedPackets:
+    def feed_span(self, data: bytes) -> LocatedPackets:
         """Decode many chunks of a byte link put end to end; return what they completed, and where each of it ends.
 
         Raises

@@ -17,7 +17,7 @@ from firmware_protocol.packets import Event, Info, OrientationBatch, Status
 from firmware_protocol.serial.decoder import StreamDecoder
 from firmware_protocol.serial.framing import encode_frame
 from host.links.transport import Chunk
-from host.recording.bulk.raw_stretch import RawStretch
+from host.recording.bulk.raw_span import RawSpan
 from host.recording.bulk.row_checksums import checksums
 from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
@@ -130,8 +130,8 @@ def test_of_a_damaged_file_the_same_chunks_are_left(seed, n_hits, cut, tmp_path_
     single, together = RecordingReader(path), RecordingReader(path)
     expected = list(single.chunks())
     found = []
-    for item in together.stretches():
-        found += item.chunks() if isinstance(item, RawStretch) else [item]
+    for item in together.spans():
+        found += item.chunks() if isinstance(item, RawSpan) else [item]
     assert found == expected
     assert together.damage == single.damage
 

@@ -334,7 +334,7 @@ def test_a_report_of_what_has_no_name(run, name):
 
 @pytest.mark.parametrize("command", [["score", "x.csv"], ["report", "x.csv", "--out", "x.zip"]])
 def test_a_window_and_end_points_at_once_are_refused(run, command):
-    assert "both say what to score" in one_sentence(run(*command, "--endpoints", "1,2,3,4", "--from", "2"), 2)
+    assert "both choose what to score" in one_sentence(run(*command, "--endpoints", "1,2,3,4", "--from", "2"), 2)
 
 
 def test_a_full_disk_wants_room():

@@ -38,7 +38,7 @@ def test_the_share_read_of_a_recording_rises_to_all_of_it(tmp_path):
     path = tmp_path / "x.mcap"
     write_large(path, 60_000)
     reader = RecordingReader(path)
-    shares = [reader.share_read() for _ in reader.stretches()]
+    shares = [reader.share_read() for _ in reader.spans()]
     assert shares[0] == 0.0
     assert shares == sorted(shares)
     assert 0.5 < shares[-1] < 1.0

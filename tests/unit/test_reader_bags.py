@@ -117,7 +117,7 @@ def test_headers_without_time_fall_back_on_reception(tmp_path):
 
 def test_an_imu_that_gives_no_orientation_is_refused(tmp_path):
     write(tmp_path / "trial", [KINDS[0]], covariance=-1.0)
-    with pytest.raises(ReaderError, match="the sensor gives no orientation, as its orientation_covariance says"):
+    with pytest.raises(ReaderError, match="the sensor gives no orientation, as its orientation_covariance shows"):
         read_series(tmp_path / "trial")
 
 

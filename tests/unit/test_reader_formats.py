@@ -215,7 +215,7 @@ def test_world_to_body_and_jpl(tmp_path):
         ("qw", "not key=value"),
         ("qw=w,qx=x,qy=y,qz=z,time=h", "time=h is not one of s, ms, us, ns"),
         ("qw=w,qx=x,qy=y,qz=z,product=jpl", "needs maps="),
-        ("qw=w,qx=x,qy=y,qz=z,euler=intrinsic-zyx", "euler=intrinsic-zyx says something of e1, which is not there"),
+        ("qw=w,qx=x,qy=y,qz=z,euler=intrinsic-zyx", "euler=intrinsic-zyx describes e1, which is not there"),
         ("qw=w,qx=x,qy=y,qz=z,angle=deg", "of e1, which is not there"),
         ("qw=w,qx=x,qy=y,qz=z,length=mm", "of px, which is not there"),
         ("qw=w,qx=x,qy=y,qz=z,accel=g", "of ax, which is not there"),

@@ -1,9 +1,9 @@
 """Finding the message records of a block of MCAP at once: what lets an hour be read in a second.
 
 Records are a linked list, and walking it one by one is most of the work of reading a recording. Here the block is cut
-into lanes, and all lanes are walked at a time, a step of every lane together, each from the first place in it that
+into sections, and all are walked at a time, a step of every section together, each from the first place in it that
 looks like a message in front of another. What was met is then checked with numpy, and linked where one ends at the
-next. From a place known to be a start, all linked ones after it are starts as well. A lane that began at a false start
+next. From a place known to be a start, all linked ones after it are starts as well. A section walked from a false start
 (data that looks like one) only breaks a run in two: it is never reached, because no record before it ends there.
 """
 
@@ -29,16 +29,16 @@ HEAD_BYTES = 9
 """Kind u8, length u64."""
 MESSAGE_HEAD_BYTES = 22
 """Channel u16, sequence u32, log time u64, publish time u64."""
-LONGEST_BEAT = 64
+LONGEST_PATTERN = 64
 """Records that come again and again in the same order are looked for up to so many."""
 WORTHWHILE = 500
-"""Shorter runs of them are left to the walk in lanes."""
-LANE_BYTES = 4096
-"""From one lane's begin to the next's. Measured."""
-MOST_STEPS = 4 * LANE_BYTES // (HEAD_BYTES + MESSAGE_HEAD_BYTES)
-"""Where so many do not reach the next lane, these are no messages: the rest is left to the walk record by record."""
+"""Shorter runs of them are left to the walk by sections."""
+SECTION_BYTES = 4096
+"""From one section's start to the next's. Measured."""
+MOST_STEPS = 4 * SECTION_BYTES // (HEAD_BYTES + MESSAGE_HEAD_BYTES)
+"""Where so many do not reach the next section, these are no messages: the rest is left to the walk record by record."""
 LOOK_BYTES = 256
-"""So far from a lane's begin a start is looked for. Where records are longer, some lanes have none and are left out."""
+"""So far into a section a record's start is looked for. Where records are longer, some sections have none: left out."""
 _HEAD = struct.Struct("<BQH")
 _MESSAGE = int(Opcode.MESSAGE)  # with the enum, bytes are compared as wide integers
 _HEAD_DTYPE = np.dtype(
@@ -87,28 +87,28 @@ class MessageRun:
 class EvenRun:
     """The same few message records again and again, without a gap."""
 
-    beat: MessageRun
-    """The first of each."""
-    n_beats: int
+    pattern: MessageRun
+    """The records that repeat, where they are first."""
+    repeats: int
     period: int
-    """Bytes of a beat."""
+    """Bytes of the pattern."""
 
     @property
     def end(self) -> int:
         """Offset behind the last of them."""
-        return int(self.beat.starts[0]) + self.n_beats * self.period
+        return int(self.pattern.starts[0]) + self.repeats * self.period
 
     def on(self, ids: Collection[int]) -> MessageRun:
         """Return those on a few channels."""
-        return EvenRun(self.beat.on(ids), self.n_beats, self.period).whole()
+        return EvenRun(self.pattern.on(ids), self.repeats, self.period).whole()
 
     def whole(self) -> MessageRun:
         """Return all of them."""
-        beats = np.arange(self.n_beats)[:, None] * self.period
+        offsets = np.arange(self.repeats)[:, None] * self.period
         return MessageRun(
-            (beats + self.beat.starts).ravel(),
-            (beats + self.beat.ends).ravel(),
-            np.tile(self.beat.channels, self.n_beats),
+            (offsets + self.pattern.starts).ravel(),
+            (offsets + self.pattern.ends).ravel(),
+            np.tile(self.pattern.channels, self.repeats),
         )
 
 
@@ -137,7 +137,7 @@ class RecordRuns:
         self._linked: _LinkedRecords | None = None
 
     def at(self, offset: int) -> MessageRun | EvenRun | None:
-        """Return the run that begins with the record at an offset; None where that is no whole message."""
+        """Return the run that starts with the record at an offset; None where that is no whole message."""
         if self._block[offset] != _MESSAGE:
             return None
         if self._linked is None:
@@ -149,37 +149,37 @@ class RecordRuns:
 
 
 def _even_run(block: memoryview, offset: int) -> EvenRun | None:
-    """Return the run at an offset where the same few records come again and again, as from a link that beats evenly.
+    """Return the run at an offset where the same few records come again and again, as from a link that sends evenly.
 
-    Their heads are all that is looked at. None where the beat is lost soon, or there is none.
+    Their heads are all that is looked at. None where nothing repeats, or not for long.
     """
     heads: list[tuple[int, int]] = []
     ends = [offset]
-    while len(heads) <= 2 * LONGEST_BEAT and ends[-1] + _HEAD.size <= len(block):
+    while len(heads) <= 2 * LONGEST_PATTERN and ends[-1] + _HEAD.size <= len(block):
         kind, length, channel = _HEAD.unpack_from(block, ends[-1])
         if kind != Opcode.MESSAGE or not MESSAGE_HEAD_BYTES <= length < LONGEST_BYTES:
             break
         heads.append((length, channel))
         ends.append(ends[-1] + HEAD_BYTES + length)
-    beats = (n for n in range(1, len(heads) // 2 + 1) if heads[n] == heads[0] and heads[n:] == heads[:-n])
-    beat = next(beats, None)
-    if beat is None:
+    lengths = (n for n in range(1, len(heads) // 2 + 1) if heads[n] == heads[0] and heads[n:] == heads[:-n])
+    n_records = next(lengths, None)
+    if n_records is None:
         return None
-    period = ends[beat] - offset
-    n_beats = (len(block) - offset) // period
-    for start in ends[:beat]:
+    period = ends[n_records] - offset
+    repeats = (len(block) - offset) // period
+    for start in ends[:n_records]:
         # Kind, length and channel as two numbers that overlap.
-        parts = (np.ndarray(n_beats, dtype, block, start + at, (period,)) for dtype, at in (("<u8", 0), ("<u4", 7)))
+        parts = (np.ndarray(repeats, dtype, block, start + at, (period,)) for dtype, at in (("<u8", 0), ("<u4", 7)))
         same = np.logical_and(*(part == part[0] for part in parts))
-        n_beats = n_beats if same.all() else int(np.argmin(same))
-        if n_beats * beat < WORTHWHILE:
+        repeats = repeats if same.all() else int(np.argmin(same))
+        if repeats * n_records < WORTHWHILE:
             return None
-    channels = np.array([channel for _, channel in heads[:beat]], dtype=np.int64)
-    return EvenRun(MessageRun(np.array(ends[:beat]), np.array(ends[1 : beat + 1]), channels), n_beats, period)
+    channels = np.array([channel for _, channel in heads[:n_records]], dtype=np.int64)
+    return EvenRun(MessageRun(np.array(ends[:n_records]), np.array(ends[1 : n_records + 1]), channels), repeats, period)
 
 
 class _LinkedRecords:
-    """The messages in a block, from an offset on, that a walk in lanes met, linked to the next."""
+    """The messages in a block, from an offset on, that a walk by sections met, linked to the next."""
 
     def __init__(self, block: memoryview, offset: int, last_channel: int) -> None:
         block = block[offset:]
@@ -194,7 +194,7 @@ class _LinkedRecords:
         self._breaks, self._following = breaks.tolist(), following.tolist()
 
     def at(self, offset: int) -> MessageRun | None:
-        """Return the run that begins with the record at an offset; None where that is no whole message."""
+        """Return the run that starts with the record at an offset; None where that is no whole message."""
         first = int(np.searchsorted(self._starts, offset))
         parts: list[slice] = []
         while first < len(self._starts) and self._starts[first] == offset:
@@ -210,9 +210,10 @@ class _LinkedRecords:
 
 
 def _walked(block: memoryview) -> IntArray:
-    """Walk from record to record, from the block's begin and from what looks like a start in each lane, up to the next.
+    """Walk from record to record, from the block's start and from the first that looks like one in each section.
 
-    All lanes take a step together. One that began at a false start goes wrong: nothing before it ends there.
+    Each walk ends at the next one's start; all take a step together. One from a false start goes wrong: nothing before
+    it ends there.
 
     Returns
     -------
@@ -221,14 +222,14 @@ def _walked(block: memoryview) -> IntArray:
     last = len(block) - HEAD_BYTES - MESSAGE_HEAD_BYTES
     if last < 0:
         return np.empty(0, np.int64)
-    begins = np.arange(LANE_BYTES, last - LOOK_BYTES, LANE_BYTES)
-    looked_at = overlapping(block, LOOK_BYTES)[begins].view(np.uint8)
-    lanes, columns = np.divmod(np.flatnonzero(looked_at == _MESSAGE), LOOK_BYTES)
-    maybe = begins[lanes] + columns
+    section_starts = np.arange(SECTION_BYTES, last - LOOK_BYTES, SECTION_BYTES)
+    looked_at = overlapping(block, LOOK_BYTES)[section_starts].view(np.uint8)
+    sections, columns = np.divmod(np.flatnonzero(looked_at == _MESSAGE), LOOK_BYTES)
+    maybe = section_starts[sections] + columns
     ends, _, good = _messages(block, maybe)
     places = np.flatnonzero(good)
     places = places[_messages(block, ends[places])[2]]  # and what follows is a message too
-    firsts = places[np.diff(lanes[places], prepend=-1) > 0]
+    firsts = places[np.diff(sections[places], prepend=-1) > 0]
     at = np.concatenate(([0], maybe[firsts]))
     stops = np.append(at[1:], last + 1)
     lengths = np.ndarray((last + 2,), "<u4", block, 1, strides=(1,))  # what needs more than four bytes is no message

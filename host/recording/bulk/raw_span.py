@@ -1,7 +1,7 @@
 """Chunks of a byte link put end to end, with where each ends and when it came: a recording read many chunks at a time.
 
 A chunk of one sample costs as much as one of a hundred, and a recording of a link at 1 kHz is made of such chunks. In a
-stretch they are checked, joined and decoded together, and nothing is lost: every byte's time of reception is known.
+span they are checked, joined and decoded together, and nothing is lost: every byte's time of reception is known.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _ENCAPSULATION = int.from_bytes(CDR_LITTLE_ENDIAN, "little")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RawStretch:
+class RawSpan:
     """m chunks of a byte link, none of them empty, in order."""
 
     data: bytes
@@ -53,7 +53,7 @@ class RawStretch:
     """(m,) reception of each, monotonic."""
 
     @classmethod
-    def of(cls, chunks: list[AnyChunk]) -> RawStretch:
+    def of(cls, chunks: list[AnyChunk]) -> RawSpan:
         """Put chunks end to end."""
         sizes = np.array([len(chunk.data) for chunk in chunks], dtype=np.int64)
         times_ns = np.array([chunk.host_time_ns for chunk in chunks], dtype=np.int64)
@@ -67,9 +67,9 @@ class RawStretch:
             start = stop
 
 
-def raw_stretches(
+def raw_spans(
     view: memoryview, starts: IntArray, ends: IntArray
-) -> Iterator[RawStretch | AnyChunk | fmt.DamagedMessageError]:
+) -> Iterator[RawSpan | AnyChunk | fmt.DamagedMessageError]:
     """Read the raw messages of a block of a recording.
 
     Parameters
@@ -82,7 +82,7 @@ def raw_stretches(
 
     Yields
     ------
-    RawStretch, AnyChunk or DamagedMessageError
+    RawSpan, AnyChunk or DamagedMessageError
         In order: chunks of bytes together; those of CAN frames, and empty ones, by themselves; and what is wrong with a
         message that is left out.
     """
@@ -94,7 +94,7 @@ def raw_stretches(
             sizes = ends[part] - starts[part] - _DATA
             stops = np.cumsum(sizes)
             data = _joined(view, starts[part] + _DATA, sizes, stops)
-            yield RawStretch(data, stops, heads["host_time_ns"][part].copy())
+            yield RawSpan(data, stops, heads["host_time_ns"][part].copy())
         if index < len(starts):
             try:
                 yield fmt.decode_raw(bytes(view[starts[index] + _BODY : ends[index]]))
