@@ -17,7 +17,10 @@ from host.submission.manifest import parse_submission, submission_schema
 from host.submission.source import Choices, TrialSource, load_source
 from host.submission.trial_labels import trial_labels
 from host.submission.verification import verify_bundle
+from tests.recorded_trials import scenario, virtual_chunks, write_recording
 from tests.scored_trials import scored
+
+OLDER_LINK = ("uri", "crc_errors", "malformed", "unknown_types", "skipped_bytes", "resets", "reconnects")
 
 CARDS = parse_cards("""
 [object]
@@ -226,6 +229,28 @@ def test_other_versions_are_said(sources, tmp_path):
     found = verify_bundle(pack(tmp_path / "a.zip", built.files), drawings=False)
     assert found.equal
     assert "matplotlib 1.0 (here " in found.notes[0]
+
+
+def test_a_result_from_before_the_link_was_counted_is_right_and_one_without_some_counters_is_not(tmp_path):
+    trial = tmp_path / "trial.mcap"
+    write_recording(trial, virtual_chunks(scenario(motion={"cycles": 4, "period_s": 1.6}), duration_s=9.0)[0])
+    files = build_submission([load_source(trial, CARDS, Choices())], drawings=False).files
+    name = next(name for name in files if name.endswith("/result.json"))
+    whole = json.loads(files[name])
+
+    def found(*removed, crc_errors=0):
+        kept = {key: value for key, value in whole["link"].items() if key not in removed}
+        result = {**whole, "link": {**kept, "crc_errors": crc_errors}}
+        changed = {**files, name: (json.dumps(result, indent=2, ensure_ascii=False) + "\n").encode()}
+        return verify_bundle(pack(tmp_path / "a.zip", changed), drawings=False)
+
+    counters = [key for key in whole["link"] if key not in OLDER_LINK]
+    assert "frames" in counters
+    assert found().notes == ()
+    assert found(*counters).differences == ()
+    assert "no counters" in found(*counters).notes[0]
+    assert "link.frames is missing" in found("frames").differences[0]
+    assert "link.crc_errors is 1, recomputed 0" in found(*counters, crc_errors=1).differences[0]
 
 
 def test_chosen_end_points_travel_with_the_bundle(tmp_path):
