@@ -76,7 +76,7 @@ def verify_files(files: Mapping[str, bytes], altered: tuple[str, ...] = (), *, d
     except ValueError as error:
         return Verification(digest, len(files), 0, altered, (plain(error, 400),))
     others = other_versions(claimed.made_with)
-    notes = (f"made with other versions: {plain(', '.join(others.values()), 400)}",) if others else ()
+    notes: tuple[str, ...] = (f"made with other versions: {plain(', '.join(others.values()), 400)}",) if others else ()
     differences = []
     if claimed.score_version != SCORE_VERSION:
         differences.append(f"score version {plain(claimed.score_version)}, this program computes {SCORE_VERSION}")
