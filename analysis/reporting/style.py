@@ -110,7 +110,7 @@ def figure_bytes(figure: Figure, kind: str, dpi: int = PNG_DPI) -> bytes:
 
     ``dpi`` is also the resolution of the clouds in SVG and PDF, pixels per inch.
     """
-    metadata: dict[str, dict[str, Any]] = {
+    metadata: dict[str, dict[str, str | None]] = {
         "png": {"Software": None},
         "svg": {"Date": None, "Creator": "rotdrift"},
         "pdf": {"CreationDate": None, "Creator": "rotdrift", "Producer": None},

@@ -5,8 +5,6 @@ Units stand in the names, the order of fields and trials is fixed, so that two s
 
 from __future__ import annotations
 
-from typing import Any
-
 import msgspec
 
 from analysis.reporting.tables import SummaryRow
@@ -26,6 +24,11 @@ CONVENTIONS = {
     "end_points": "one per cycle, always at the same extreme",
 }
 """What a reader needs to know to compute the same number."""
+
+
+Scalar = str | int | float | bool | None
+CardValue = Scalar | list[Scalar | dict[str, Scalar]] | dict[str, Scalar]
+"""What stands in a field of a card: a value, several, or a small table (dimensions, weights)."""
 
 
 class RawFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -58,7 +61,7 @@ class TrialEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reasons: list[str]
     warnings: list[str]
     convention: str
-    cards: dict[str, Any]
+    cards: dict[str, dict[str, CardValue]]
     missing: list[str]
     raw: RawFile
 
