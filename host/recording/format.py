@@ -44,11 +44,12 @@ ACTION = "/trial/action"
 WORLD_FRAME = "world"
 
 RAW_SCHEMA_NAME = "rotdrift_msgs/msg/RawChunk"
+# Part of the format to the last byte: tools compare definitions. The module it names is firmware_protocol.can.frames now.
 RAW_SCHEMA = b"""\
 # What one read of the link returned (or one write sent), exactly.
 uint64 host_time_ns  # monotonic clock of the host at reception
 uint32 crc32         # CRC-32 (zlib) of host_time_ns as 8 little-endian bytes, kind, data
-uint8 kind           # 0: bytes of a link; 1: CAN frames, packed as firmware_protocol.can.frames says; 2: what was sent
+uint8 kind           # 0: bytes of a link; 1: CAN frames, packed as firmware_protocol.can_frames says; 2: what was sent
 uint8[] data         # none: the link was lost and is open again
 """
 BYTES_KIND, FRAMES_KIND, SENT_KIND = range(3)

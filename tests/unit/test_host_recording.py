@@ -2,6 +2,7 @@
 
 import json
 import threading
+import zlib
 
 import mcap.reader
 import mcap.stream_reader
@@ -284,3 +285,9 @@ def test_a_paced_replay_waits_as_long_as_it_took(recording):
         if chunk is not None:
             got.append(now[0])
     assert got == pytest.approx([i * 2_000_000 for i in range(20)], abs=2000)
+
+
+def test_message_definitions_change_only_with_the_version_of_the_format():
+    """Other tools take two definitions of one type for two types: old and new recordings must have the same."""
+    definitions = b"".join(topic.name.encode() + bytes(topic.schema) for topic in fmt.TOPICS)
+    assert (fmt.FORMAT_VERSION, zlib.crc32(definitions)) == (1, 0xF6E9B5CE)
