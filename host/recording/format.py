@@ -44,7 +44,7 @@ ACTION = "/trial/action"
 WORLD_FRAME = "world"
 
 RAW_SCHEMA_NAME = "rotdrift_msgs/msg/RawChunk"
-# Part of the format to the last byte, as tools compare definitions; the module named is now firmware_protocol.can.frames.
+# Part of the format to the last byte, as tools compare definitions. The module that it names is can/frames.py now.
 RAW_SCHEMA = b"""\
 # What one read of the link returned (or one write sent), exactly.
 uint64 host_time_ns  # monotonic clock of the host at reception
