@@ -299,7 +299,7 @@ def test_a_manifest_in_another_order_is_found(undrawn):
 
 def test_the_command_makes_the_same_bytes_in_another_folder_zone_locale_and_mask(sources, tmp_path, capsys, drawn):
     (tmp_path / "far" / "away").mkdir(parents=True)
-    (tmp_path / "far" / "0.csv").write_bytes(sources[0].data)
+    (tmp_path / "far" / "0.csv").write_bytes(next(iter(sources[0].raw.values())))
     (tmp_path / "far" / "0.toml").write_text(CARDS.format(motion="roll"))
     setting = {"TZ": "Asia/Kathmandu", "LC_ALL": "C", "PYTHONHASHSEED": "7", "PYTHONIOENCODING": "ascii:strict"}
     done = subprocess.run(
