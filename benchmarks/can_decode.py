@@ -10,7 +10,7 @@ from benchmarks import peers
 from benchmarks.can_streams import NODE, can_database, classic_log
 from benchmarks.measurement import GAIN, Topic, figure, ratio, rounds_of
 from firmware_protocol.can.decoder import CanStreamDecoder
-from firmware_protocol.can.frames import CLASSIC_BYTES, frame_array, record_dtype
+from firmware_protocol.can.frames import CLASSIC_BYTES, RECORD_DTYPES, frame_array
 from firmware_protocol.can.mapping import CanFunction, arbitration_id
 from firmware_protocol.packets import OrientationBatch
 
@@ -19,7 +19,7 @@ BATCH_FRAMES = 4000
 
 def batches(log: bytes, n_frames: int) -> list[bytes]:
     """Cut one frame batch into batches of so many frames, as reads of an interface give."""
-    size = record_dtype(CLASSIC_BYTES).itemsize
+    size = RECORD_DTYPES[CLASSIC_BYTES].itemsize
     records = log[8:]
     cut = [records[at : at + n_frames * size] for at in range(0, len(records), n_frames * size)]
     return [log[:4] + (len(part) // size).to_bytes(4, "little") + part for part in cut]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from benchmarks.sample_streams import turning
 from firmware_protocol.can.dbc import dbc_text
-from firmware_protocol.can.frames import BATCH_VERSION, CLASSIC_BYTES, record_dtype
+from firmware_protocol.can.frames import BATCH_VERSION, CLASSIC_BYTES, RECORD_DTYPES
 from firmware_protocol.can.mapping import CanFunction, arbitration_id, sample_state_data, time_data, time_interval
 from firmware_protocol.quantization import quats_to_smallest_three
 
@@ -39,7 +39,7 @@ def classic_log(n: int) -> bytes:
     """One frame batch with n samples, and the TIME and SAMPLE_STATE frames they need."""
     interval = time_interval(RATE_HZ)
     marks = range(0, n, interval)
-    dtype = record_dtype(CLASSIC_BYTES)
+    dtype = RECORD_DTYPES[CLASSIC_BYTES]
     records = np.zeros(n + 2 * len(marks), dtype)
     place = np.arange(n) + 2 * (np.arange(n) // interval + 1)
     host_ns = 1_000_000_000 + np.arange(n) * 1_000_000
