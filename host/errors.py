@@ -10,6 +10,7 @@ HostError           1   a measurement without a result: `rotdrift baseline` of a
         NoAnswerError           the link is open but silent: wrong baud rate, object switched off
         WrongObjectError        what answers cannot be captured: another protocol version, another object
     FileError       4   a file is missing, not a recording, empty, exists already, or cannot be written
+    InternalError  70   a fault of this program that ends a capture in order: recording and decoding themselves
 
 The number is the exit code of the command. A driver's error is translated once, in ``host/links``, ``from error``.
 """
@@ -82,6 +83,16 @@ class FileError(HostError):
     """A file is missing, is not what it should be, exists already or cannot be written."""
 
     exit_code = 4
+
+
+class InternalError(HostError):
+    """A fault of this program: an exception in decoding or recording, which the capture survived to its end."""
+
+    exit_code = 70
+
+    def __init__(self, error: BaseException) -> None:
+        super().__init__(f"internal error ({type(error).__name__}: {error})", "run again with --debug and report it")
+        self.__cause__ = error
 
 
 def already_there(path: object, remedy: str = "give another name with --out, or move it away") -> FileError:

@@ -10,7 +10,7 @@ from collections import deque
 from statistics import median
 
 from analysis.scoring.interval import MIN_STEPS
-from host.trial.state import MOVING_DPS, Alarm, CycleRow, TrialState
+from host.trial.state import MOVING_DPS, UNCOUNTED, Alarm, CycleRow, TrialState
 
 NO_CYCLES_S, NO_CYCLES_PERIODS = 15.0, 3.0
 """No cycle found after so much movement, whichever is longer."""
@@ -123,7 +123,9 @@ class AlarmWatch:
             self._hold("saturation", now_s, "beyond the sensor's range: turn slower, or do not trust θ̄")
 
     def _watch_cycles(self, state: TrialState, before: TrialState) -> None:
-        if state.score.n_endpoints != before.score.n_endpoints:
+        if state.motion.phase == UNCOUNTED:  # nobody looks for cycles any more: that none is found means nothing
+            self._moved_s = 0.0
+        elif state.score.n_endpoints != before.score.n_endpoints:
             self._way_s, self._moved_s = self._moved_s, 0.0
         elif (state.motion.turn_rate_dps or 0.0) > MOVING_DPS:
             self._moved_s += max(0.0, min(1.0, state.elapsed_s - before.elapsed_s))

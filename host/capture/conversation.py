@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 
+from firmware_protocol.packets import Stop
 from host.capture.settings import CaptureSettings
 from host.errors import HostError, LinkError, LinkLostError, WrongObjectError
 from host.links.reader_thread import ReaderThread
@@ -57,7 +59,8 @@ class Conversation:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a person should know of object and link, a sentence each."""
-        return (*(self._session.warnings if self._session else ()), *self._transport.problems, *self._trial.problems)
+        session, trial = self._session, self._trial
+        return (*(session.warnings if session else ()), *self._transport.problems, *trial.problems, *trial.failures)
 
     @property
     def view(self) -> LinkView:
@@ -109,6 +112,12 @@ class Conversation:
             except LinkLostError as error:
                 # What the link still delivers is read to its end; the reading thread notices when that is.
                 session.error = session.error or error
+
+    def send_stop(self) -> None:
+        """Send STOP at once, past session and recording: after a failure of these, with no answer to wait for."""
+        if self._session is not None:
+            with contextlib.suppress(LinkLostError):
+                self._transport.write(self._transport.encode_command(Stop(0)))
 
     def mark(self, number: int) -> None:
         """Have the object put a marker into its stream."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from host.capture.guide import Guide
 from host.capture.settings import CaptureSettings
+from host.trial.guarded import Guarded
 from host.trial.live import Trial
 
 LINGER_PERIODS, MAX_LINGER_S = 0.35, 10.0
@@ -13,7 +14,7 @@ LINGER_PERIODS, MAX_LINGER_S = 0.35, 10.0
 class Goal:
     """Watches a trial until it has as many cycles, as narrow an interval, or as long a time as asked for."""
 
-    def __init__(self, settings: CaptureSettings, trial: Trial, guide: Guide | None) -> None:
+    def __init__(self, settings: CaptureSettings, trial: Trial, guide: Guarded[Guide] | None) -> None:
         self._settings = settings
         self._trial = trial
         self._guide = guide
@@ -22,23 +23,29 @@ class Goal:
     @property
     def enough(self) -> bool:
         """Whether there are as many cycles, or as narrow an interval, as asked for."""
-        settings, interval = self._settings, self._trial.score.interval
-        half_width_deg, cycles = settings.until_half_width_deg, settings.cycles
+        settings, interval = self._settings, self._trial.score.subject.interval
+        half_width_deg, cycles = settings.until_half_width_deg, self._cycles
         if half_width_deg is not None and interval is not None and interval.half_width_deg <= half_width_deg:
             return True
-        if cycles is None and half_width_deg is None and settings.guide is not None:
-            cycles = settings.guide.cycles
         return cycles is not None and self._trial.n_endpoints > cycles
+
+    @property
+    def _cycles(self) -> int | None:
+        """How many cycles to wait for; a guide has a number where the capture has neither number nor interval."""
+        settings = self._settings
+        if settings.cycles is None and settings.until_half_width_deg is None and settings.guide is not None:
+            return settings.guide.cycles
+        return settings.cycles
 
     def reached(self, now_ns: int, elapsed_s: float) -> str:
         """Return in words why the capture ends now, so long after the first sample; nothing while it goes on."""
         settings = self._settings
-        if self._guide is not None:
-            if self._guide.done:
+        if self._guide is not None and self._guide.works:  # without it, a guided trial ends as others do
+            if self._guide.ask(lambda guide: guide.done, False):
                 return "the guided trial is complete"
         elif settings.until_half_width_deg is not None and self.enough:
             return f"the interval is within ±{settings.until_half_width_deg:g}°"
-        elif settings.cycles is not None and (counted := self._counted(settings.cycles, now_ns)):
+        elif (cycles := self._cycles) is not None and (counted := self._counted(cycles, now_ns)):
             return counted
         if settings.duration_s is not None and elapsed_s >= settings.duration_s:
             return f"{settings.duration_s:g} s are over"

@@ -2,29 +2,37 @@
 
 The order of things for every chunk: record it, decode it, answer it, look for cycles, show it. The reading thread only
 reads; drawing has a process of its own; everything else happens here, in the thread that calls :meth:`Capture.run`.
+
+A view never ends what it watches: screen, alarms, guide and what the trial shows are guarded, and go on or not one by
+one. Where recording or decoding itself fails, the capture ends in order, and what is received is only recorded.
 """
 
 from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 from analysis.scoring.recorded_parts import LiveClock
 from host.capture.conversation import Conversation, Ending
 from host.capture.goal import Goal
-from host.capture.guide import Guide
+from host.capture.guide import TITLES, Guide
 from host.capture.notes import Notes
 from host.capture.operator_desk import OperatorDesk
 from host.capture.settings import CaptureSettings
 from host.capture.snapshot import Snapshots
-from host.errors import HostError
+from host.errors import HostError, InternalError
 from host.links.transport import AnyChunk, Transport
 from host.recording import format as fmt
 from host.recording.views import add_views
 from host.recording.writer import RecordingWriter
+from host.screen.guarded_screen import guarded
+from host.screen.keys import ScreenAction
 from host.screen.screens import Screen
+from host.trial.guarded import Guarded, cause
 from host.trial.live import Trial, TrialUpdate
 from host.trial.operator import GUIDE, OperatorAction
 from host.trial.state import TargetView, TrialState
@@ -73,33 +81,42 @@ class Capture:
     ) -> None:
         self._recording = recording
         self._trial = trial
-        self._screen = screen
+        self._screen = guarded(screen)
         self._stop = stop
         self._now_ns = now_ns
-        self._guide = None if settings.guide is None else Guide(settings.guide)
-        self._goal = Goal(settings, trial, self._guide)
+        failures, guide = trial.failures, None
+        if settings.guide is not None:
+            without = "the trial ends after its cycles, or by hand"
+            guide = Guarded("the guide", Guide(settings.guide), failures, without)
+        goal = Goal(settings, trial, guide)
+        self._goal = Guarded("the watch on cycles and time", goal, failures, "end the capture by hand")
         self._link = Conversation(transport, recording, trial, settings, now_ns)
-        self._notes = Notes(recording, screen, now_ns)
-        self._desk = OperatorDesk(trial, self._add_action, self._link.mark)
+        self._notes = Notes(recording, self._screen, now_ns)
+        desk = OperatorDesk(trial, self._add_action, self._link.mark)
+        self._desk = Guarded("the operator's desk", desk, failures, "of the keys, only the one that ends works")
         target = TargetView(settings.cycles, settings.duration_s, settings.until_half_width_deg)
-        self._snapshots = Snapshots(trial, self._desk, "rotdrift capture", target, self._guide)
+        snapshots = Snapshots(trial, desk, "rotdrift capture", target, guide)
+        self._snapshots = Guarded("the live view", snapshots, failures, "the picture stands still")
         self._state = TrialState()
         self._published_ns = 0
+        self._ending: Ending | None = None
+        self._failure: BaseException | None = None  # the first one, of what is not guarded
 
     def run(self) -> CaptureOutcome:
-        """Capture until the end; closes link and recording whatever happens."""
+        """Capture until the end; stops the object and closes link and recording whatever happens."""
         link = self._link
-        link.reader.start()
-        try:
-            reason, error = self._until_end()
-            while not link.stopped():  # the object may still have something to send
-                self._turn()
-        finally:
-            link.reader.stop()
-            for chunk in link.reader.take(0):
-                self._process(chunk)
-            self._record(self._trial.finish(), link.chunk_ns)
-            self._recording.close(self._notes.warn)
+        at_end = self._stop_object, self._insist, link.reader.stop, self._take_rest, self._finish, self._close
+        with ExitStack() as steps:  # each is taken, whatever became of those before it
+            for step in reversed(at_end):
+                steps.callback(self._attempt, step)
+            self._attempt(self._until_end)
+        clock = self._trial.clock_values()
+        self._notes.warn_once(self._trial.failures)
+        reason, error = self._ending or ("the capture failed", None)
+        if isinstance(self._failure, HostError):
+            error = error or self._failure
+        elif self._failure is not None:
+            error = error or InternalError(self._failure)
         return CaptureOutcome(
             reason=reason,
             error=error or link.reader.error,
@@ -107,39 +124,91 @@ class Capture:
             unwritten=self._recording.unwritten,
             elapsed_s=link.elapsed_s(link.sample_ns),
             last_state=self._state,
-            clock=self._trial.clock_values(),
+            clock=clock,
         )
 
-    def _until_end(self) -> Ending:
-        while True:
+    def _attempt(self, step: Callable[[], object]) -> None:
+        """Take a step towards the end; keep what it raises, for the steps after it are to be taken as well."""
+        try:
+            step()
+        except BaseException as error:
+            self._failure = self._failure or error
+            if not isinstance(error, Exception):  # Ctrl-C: it passes on once everything is closed
+                raise
+
+    def _until_end(self) -> None:
+        link = self._link
+        link.reader.start()
+        while self._ending is None:
             self._turn()
-            now_ns = self._link.time_ns
+            now_ns = link.time_ns
             if now_ns - self._published_ns >= STATE_NS:
                 self._publish(now_ns)
-            if self._stop.is_set() or self._desk.finished:
-                return "stopped by the operator", None
-            ending = self._link.broken()
-            if ending is None and (reached := self._goal.reached(now_ns, self._link.elapsed_s(now_ns))):
-                ending = reached, None
-            ending = ending or self._link.silence()
-            if ending is not None:
-                return ending
+            self._ending = self._ending or self._judge(now_ns)
+
+    def _judge(self, now_ns: int) -> Ending | None:
+        """Return why the capture ends now; None while it goes on."""
+        link, elapsed_s = self._link, self._link.elapsed_s(now_ns)
+        if self._stop.is_set():
+            return "stopped by the operator", None
+        ending = link.broken()
+        if ending is None and (reached := self._goal.ask(lambda goal: goal.reached(now_ns, elapsed_s), "")):
+            ending = reached, None
+        return ending or link.silence()
+
+    def _stop_object(self) -> None:
+        while not self._link.stopped():  # the object may still have something to send
+            self._turn()
+
+    def _insist(self) -> None:
+        """After a failure, have the object stop even if that was the session's, or the recording's."""
+        if self._failure is not None:
+            self._link.send_stop()
+
+    def _take_rest(self) -> None:
+        self._process_all(self._link.reader.take(0))
+
+    def _finish(self) -> None:
+        """Process what the link still holds, and report what failed meanwhile."""
+        if self._failure is None:
+            self._record(self._trial.finish(), self._link.chunk_ns)
+        else:
+            self._notes.warn(f"the capture failed ({cause(self._failure)}): what came after that is only recorded")
+        self._notes.warn_once((*self._link.warnings, *self._screen.problems))
+
+    def _close(self) -> None:
+        self._recording.close(self._notes.warn)
 
     def _turn(self) -> None:
         """Process what came, send what is due, flush."""
-        for chunk in self._link.reader.take(LOOP_S):
-            self._process(chunk)
+        self._process_all(self._link.reader.take(LOOP_S))
         for action in self._screen.actions():
-            self._desk.process(action)
-            self._published_ns = 0  # whoever pressed a key wants to see what it did
+            self._process_key(action)
         self._link.send_due()
         now_ns = self._now_ns()
         self._recording.flush_if_due(now_ns)
         self._notes.watch_disk(now_ns)
-        self._notes.warn_once(self._link.warnings)
+        self._notes.warn_once((*self._link.warnings, *self._screen.problems))
+
+    def _process_key(self, action: ScreenAction) -> None:
+        if action.kind == "finish":  # not the desk's alone: it works whatever failed
+            self._ending = self._ending or ("stopped by the operator", None)
+        self._desk.ask(lambda desk: desk.process(action), None)
+        self._published_ns = 0  # whoever pressed a key wants to see what it did
+
+    def _process_all(self, chunks: list[AnyChunk]) -> None:
+        waiting = deque(chunks)
+        try:
+            while waiting:
+                self._process(waiting.popleft())
+        finally:
+            for chunk in waiting:  # where one of them failed
+                self._recording.add_received(chunk)
 
     def _process(self, chunk: AnyChunk) -> None:
         self._recording.add_received(chunk)  # first of all: what follows may fail, and it is not lost
+        if self._failure is not None:
+            return
         if not chunk.data:
             away_s = (chunk.host_time_ns - self._link.chunk_ns) / 1e9
             self._notes.warn(f"the link was lost and is open again; nothing came for {away_s:.1f} s")
@@ -157,13 +226,14 @@ class Capture:
     def _publish(self, now_ns: int) -> None:
         """Put the state together and show it; record a new step of the guide."""
         self._published_ns = now_ns
-        link, notes, guide = self._link, self._notes, self._guide
-        step = None if guide is None else guide.title
-        warnings = tuple(notes.warnings[-3:])
-        self._state = self._snapshots.at(
-            now_ns, link.elapsed_s(now_ns), link.view, notes.recording, warnings, self._goal.enough
+        link, notes, before = self._link, self._notes, self._state.guide
+        elapsed_s, warnings = link.elapsed_s(now_ns), tuple(notes.warnings[-3:])
+        enough = self._goal.ask(lambda goal: goal.enough, False)
+        self._state = self._snapshots.ask(
+            lambda snapshots: snapshots.at(now_ns, elapsed_s, link.view, notes.recording, warnings, enough), self._state
         )
-        if guide is not None and guide.title != step:
-            self._add_action(OperatorAction(GUIDE, self._trial.newest_s, guide.title))
-            self._screen.report(f"guide: {guide.title}")
+        step = self._state.guide
+        if step is not None and step.title != (TITLES[0] if before is None else before.title):
+            self._add_action(OperatorAction(GUIDE, self._trial.newest_s, step.title))
+            self._screen.report(f"guide: {step.title}")
         self._screen.update(self._state)

@@ -38,8 +38,9 @@ class Notes:
     def warn(self, sentence: str) -> None:
         """Report a sentence."""
         self.warnings.append(sentence)
-        self._recording.add_note("warning", sentence, self._now_ns())
         self._screen.report(f"note: {sentence}")
+        if not self._recording.closed:  # what is found as it is closed has no place in it any more
+            self._recording.add_note("warning", sentence, self._now_ns())
 
     def warn_once(self, sentences: Iterable[str]) -> None:
         """Report those of the sentences that are new; a count in one that grows is no news."""

@@ -8,6 +8,7 @@ from host.screen.keys import ScreenAction
 from host.trial import operator as did
 from host.trial.live import Trial
 from host.trial.operator import OperatorAction
+from host.trial.running_score import RunningScore
 from host.trial.state import OperatorMark, WindowView
 
 MAX_MARKS = 20
@@ -29,12 +30,11 @@ class OperatorDesk:
         self._n_markers = 0
         self.marks: tuple[OperatorMark, ...] = ()
         """The last markers and notes."""
-        self.finished = False
-        """Whether the operator asked for the end."""
 
     def process(self, action: ScreenAction) -> None:
         """Do what was asked for; an action that makes no sense now does nothing."""
         score, now_s = self._trial.score, self._trial.newest_s
+        window, cycle = score.subject.window, action.cycle
         if action.kind == "marker":
             self._n_markers += 1
             self._do(OperatorAction(did.MARKER, now_s, f"marker {self._n_markers}"))
@@ -42,31 +42,22 @@ class OperatorDesk:
         elif action.kind == "note":
             self._do(OperatorAction(did.NOTE, now_s, action.text))
         elif action.kind == "window":
-            is_open = score.window is not None and score.window.to_s is None
+            is_open = window is not None and window.to_s is None
             self._do(OperatorAction(did.WINDOW_STOP if is_open else did.WINDOW_START, now_s))
-        elif action.kind == "exclude" and action.cycle is not None:
-            self._record_cycle(did.EXCLUDE, score.leave_out(action.cycle, action.text), action.text)
-        elif action.kind == "include" and action.cycle is not None:
-            self._record_cycle(did.INCLUDE, score.take_back(action.cycle))
+        elif action.kind == "exclude" and cycle is not None:
+            times_s = score.ask(lambda running: running.leave_out(cycle, action.text), None)
+            self._record_cycle(did.EXCLUDE, times_s, action.text)
+        elif action.kind == "include" and cycle is not None:
+            self._record_cycle(did.INCLUDE, score.ask(lambda running: running.take_back(cycle), None))
         else:
-            self.finished = self.finished or action.kind == "finish"
             self._record(OperatorAction(action.kind, now_s, action.text))
 
     def repeat(self, action: OperatorAction) -> None:
         """Do again what a recorded capture's operator did: for the replay."""
-        score = self._trial.score
-        if action.kind == did.WINDOW_START:
-            score.set_window(WindowView(action.time_s, None))
-        elif action.kind == did.WINDOW_STOP:
-            score.set_window(WindowView(None if score.window is None else score.window.from_s, action.time_s))
-        elif action.kind in {did.EXCLUDE, did.INCLUDE}:
-            number = score.number_at(action.from_s, action.to_s)
-            if number is not None and action.kind == did.EXCLUDE:
-                score.leave_out(number, action.text)
-            elif number is not None:
-                score.take_back(number)
-        elif action.kind in {did.MARKER, did.NOTE}:
+        if action.kind in {did.MARKER, did.NOTE}:
             self.marks = (*self.marks, OperatorMark(action.time_s, action.text))[-MAX_MARKS:]
+        else:
+            self._trial.score.ask(lambda score: _edit(score, action), None)
 
     def _do(self, action: OperatorAction) -> None:
         self.repeat(action)
@@ -75,3 +66,17 @@ class OperatorDesk:
     def _record_cycle(self, kind: str, times_s: tuple[float, float] | None, text: str = "") -> None:
         if times_s is not None:
             self._record(OperatorAction(kind, self._trial.newest_s, text, *times_s))
+
+
+def _edit(score: RunningScore, action: OperatorAction) -> None:
+    """Change a running score as a recorded action says; one that is no edit changes nothing."""
+    if action.kind == did.WINDOW_START:
+        score.set_window(WindowView(action.time_s, None))
+    elif action.kind == did.WINDOW_STOP:
+        score.set_window(WindowView(None if score.window is None else score.window.from_s, action.time_s))
+    elif action.kind in {did.EXCLUDE, did.INCLUDE}:
+        number = score.number_at(action.from_s, action.to_s)
+        if number is not None and action.kind == did.EXCLUDE:
+            score.leave_out(number, action.text)
+        elif number is not None:
+            score.take_back(number)

@@ -17,8 +17,10 @@ from host.links.transport import AnyChunk, LinkEnd, Transport
 from host.recording import format as fmt
 from host.recording.arrivals import RecordedRoundTrips
 from host.recording.reader import RecordingReader
+from host.screen.guarded_screen import guarded
 from host.screen.screens import Screen
 from host.stream.round_trips import RoundTrip
+from host.trial.guarded import Guarded
 from host.trial.live import Trial
 from host.trial.operator import OperatorAction, action_of
 from host.trial.state import LinkView, RecordingView, TrialState
@@ -73,16 +75,30 @@ def play(
     commands : sequence of AnyChunk
         What was sent then: with the answers they bound the offset of the clocks.
     """
-    desk, waiting = OperatorDesk(trial), deque(actions)
-    snapshots, unsent, trips = Snapshots(trial, desk, title), deque(commands), RecordedRoundTrips()
+    screen, waiting, unsent, trips = guarded(screen), deque(actions), deque(commands), RecordedRoundTrips()
+    desk = Guarded("the operator's desk", OperatorDesk(trial), trial.failures, "what was done then is not done again")
+    snapshots = Guarded(
+        "the live view", Snapshots(trial, desk.subject, title), trial.failures, "the picture stands still"
+    )
     first_ns: int | None = None
     published_ns = now_ns = 0
+    shown, reported = TrialState(), set[str]()
 
     def state() -> TrialState:
+        nonlocal shown
         info = trial.assembler.info
         link = LinkView(name=transport.name, expected_rate_hz=None if info is None else info.rate_hz)
         recording = RecordingView(transport.name.removeprefix("replay:"), trial.link.n_bytes, replayed=True)
-        return snapshots.at(now_ns, 0.0 if first_ns is None else (now_ns - first_ns) / 1e9, link, recording)
+        elapsed_s, warnings = 0.0 if first_ns is None else (now_ns - first_ns) / 1e9, tuple(trial.failures[-3:])
+        shown = snapshots.ask(lambda it: it.at(now_ns, elapsed_s, link, recording, warnings), shown)
+        for sentence in (*trial.failures, *screen.problems):
+            if sentence not in reported:
+                reported.add(sentence)
+                screen.report(f"note: {sentence}")
+        return shown
+
+    def repeat(action: OperatorAction) -> None:
+        desk.ask(lambda operator: operator.repeat(action), None)
 
     while not stop.is_set():
         if any(action.kind == "finish" for action in screen.actions()):
@@ -93,7 +109,7 @@ def play(
             for row in trial.finish().cycles:
                 screen.cycle(row)
             for action in waiting:
-                desk.repeat(action)
+                repeat(action)
             return state()
         if chunk is None:
             continue
@@ -107,7 +123,7 @@ def play(
         for row in update.cycles:
             screen.cycle(row)
         while waiting and not waiting[0].time_s > trial.newest_s:  # one before the first sample has NaN for a time
-            desk.repeat(waiting.popleft())
+            repeat(waiting.popleft())
         if now_ns - published_ns >= STATE_NS * max(1.0, speed):
             published_ns = now_ns
             screen.update(state())

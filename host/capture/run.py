@@ -18,13 +18,15 @@ from analysis.series import AnalysisError
 from host.capture.loop import Capture, CaptureOutcome
 from host.capture.settings import CaptureSettings
 from host.capture.snapshot import finished_state
-from host.errors import FileError, LinkError, already_there, unreadable
+from host.errors import FileError, InternalError, LinkError, already_there, unreadable
 from host.links import open_lasting
 from host.links.link_log import LinkLog
 from host.recording.load import load_trial
 from host.recording.writer import RecordingWriter
 from host.results.result import ScoreOptions, score_trial, write_result
+from host.screen.guarded_screen import guarded
 from host.screen.screens import Screen
+from host.trial.guarded import Guarded
 from host.trial.live import Trial
 
 DEFAULT_FOLDER = Path("rotdrift-trials")
@@ -92,10 +94,14 @@ def run_capture(
             raise already_there(path)
     options = options or ScoreOptions()
     baseline = None if options.baseline is None else _baseline(options.baseline)
+    screen, failures = guarded(screen), list[str]()
     try:
         outcome = record(link, recording_path, settings, screen, stop, baseline)
         finished = _finish(outcome, recording_path, result_path, options)
-        screen.update(finished_state(outcome.last_state, finished.score))
+        last = Guarded("the live view", outcome.last_state, failures, "the result is in its file")
+        screen.update(last.ask(lambda state: finished_state(state, finished.score), outcome.last_state))
+        for sentence in failures:
+            screen.report(sentence)
         if settings.guide is not None:
             end_s = time.monotonic() + HOLD_S
             while not stop.is_set() and time.monotonic() < end_s and not screen.hold(0.2):
@@ -136,11 +142,15 @@ def record(
         The link cannot be opened, or not a single sample came from it.
     FileError
         The recording exists already or cannot be written.
+    InternalError
+        Decoding or recording failed before the first sample; the recording is kept.
     """
-    transport = open_lasting(link, settings.reconnect_s)
-    if settings.debug_link is not None:
-        transport = LinkLog(transport, settings.debug_link)
-    try:
+    screen = guarded(screen)
+    with contextlib.ExitStack() as until_captured:
+        transport = open_lasting(link, settings.reconnect_s)
+        until_captured.callback(lambda: transport.close())  # whichever it is by then
+        if settings.debug_link is not None:
+            transport = LinkLog(transport, settings.debug_link)
         wall_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
         described: dict[str, Any] = {
             "cycles": settings.cycles,
@@ -151,18 +161,19 @@ def record(
         if transport.interface_name:
             described["interface"] = transport.interface_name
         writer = RecordingWriter(recording_path, transport.name, wall_ns, monotonic_ns, described)
-    except BaseException:
-        transport.close()
-        raise
-    trial = Trial(transport.node, settings.until_half_width_deg, baseline)
-    imports = threading.Thread(target=_load_slow_modules, name="rotdrift-imports", daemon=True)
-    imports.start()
-    screen.start()
-    outcome = Capture(transport, writer, trial, screen, settings, stop).run()
+        until_captured.callback(writer.close)
+        trial = Trial(transport.node, settings.until_half_width_deg, baseline)
+        imports = threading.Thread(target=_load_slow_modules, name="rotdrift-imports", daemon=True)
+        imports.start()
+        screen.start()
+        capture = Capture(transport, writer, trial, screen, settings, stop)
+        until_captured.pop_all()  # both are the capture's from here on
+    outcome = capture.run()
     imports.join()  # two threads in the same import can see it half done
     if not trial.assembler.segments:
-        with contextlib.suppress(OSError):  # so that the next try may have its name
-            recording_path.unlink()
+        if not isinstance(outcome.error, InternalError):  # so that the next try may have its name
+            with contextlib.suppress(OSError):
+                recording_path.unlink()
         raise outcome.error or LinkError(
             f"the capture ended before the first sample ({outcome.reason})", "wait until the object streams"
         )
@@ -192,7 +203,6 @@ def _finish(outcome: CaptureOutcome, recording_path: Path, result_path: Path, op
 
 def _load_slow_modules() -> None:
     """Import beside the capture what would otherwise be imported in the middle of it, and stall it for a second."""
-    # What does not load here is reported where it is needed.
-    with contextlib.suppress(ImportError, AttributeError):
+    with contextlib.suppress(Exception):  # what does not load here is reported where it is needed
         for name in ("scipy.ndimage", "scipy.stats"):
             importlib.import_module(name)

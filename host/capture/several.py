@@ -11,8 +11,9 @@ from pathlib import Path
 from analysis.scoring.result import Result
 from host.capture.run import FinishedCapture, run_capture
 from host.capture.settings import CaptureSettings
-from host.errors import HostError
+from host.errors import HostError, InternalError
 from host.results.result import ScoreOptions
+from host.screen.guarded_screen import guarded
 from host.screen.keys import ScreenAction
 from host.screen.screens import Screen
 from host.trial.state import CycleRow, TrialState
@@ -69,6 +70,10 @@ class _ObjectScreen(Screen):
         self._shared = shared
         self._index = index
 
+    @property
+    def problems(self) -> tuple[str, ...]:
+        return self._shared.screen.problems
+
     def update(self, state: TrialState, index: int = 0) -> None:
         del index  # ours is the one that counts
         self._shared.screen.update(state, self._index)
@@ -109,6 +114,7 @@ def capture_several(
         Ends them all.
     """
     settings = replace(settings, read_pause_s=PAUSE_S * (len(links) - 1))
+    screen = guarded(screen)
     shared = _SharedScreen(screen, stop)
     outcomes = [ObjectOutcome(link, None, HostError("the capture failed")) for link in links]
 
@@ -117,9 +123,10 @@ def capture_several(
         try:
             finished = run_capture(links[index], recordings[index], settings, mine, stop, options)
             outcomes[index] = ObjectOutcome(links[index], finished, finished.outcome.error)
-        except HostError as error:
-            mine.report(str(error))
+        except Exception as raised:  # noqa: BLE001 - the others go on, and this one is reported with them
+            error = raised if isinstance(raised, HostError) else InternalError(raised)
             outcomes[index] = ObjectOutcome(links[index], None, error)
+            mine.report(str(error))
 
     screen.start()
     names = [f"rotdrift-object-{number}" for number in range(1, len(links) + 1)]

@@ -8,6 +8,7 @@ from analysis.scoring.result import Result
 from host.capture.alarms import AlarmWatch
 from host.capture.guide import Guide
 from host.capture.operator_desk import OperatorDesk
+from host.trial.guarded import Guarded
 from host.trial.live import Trial
 from host.trial.running_score import RunningScore
 from host.trial.state import LinkView, RecordingView, ScoreView, TargetView, TrialState
@@ -23,8 +24,11 @@ class Snapshots:
     """Of the screen."""
     target: TargetView = TargetView()
     """When the capture will end."""
-    guide: Guide | None = None
-    _alarms: AlarmWatch = field(default_factory=AlarmWatch, init=False)
+    guide: Guarded[Guide] | None = None
+    _alarms: Guarded[AlarmWatch] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._alarms = Guarded("the alarms", AlarmWatch(), self.trial.failures, "none is raised any more")
 
     def at(
         self,
@@ -45,7 +49,7 @@ class Snapshots:
             title=self.title,
             elapsed_s=elapsed_s,
             target=self.target,
-            score=_score_view(trial.score),
+            score=trial.score.ask(_score_view, ScoreView()),
             motion=trial.motion_view(),
             sensor=trial.sensor_view(),
             stream=trial.stream_view(now_ns),
@@ -55,8 +59,8 @@ class Snapshots:
             warnings=warnings,
             marks=self.desk.marks,
         )
-        guide = None if self.guide is None else self.guide.update(state, enough)
-        return replace(state, alarms=self._alarms.update(state), guide=guide)
+        guide = None if self.guide is None else self.guide.ask(lambda guide: guide.update(state, enough), None)
+        return replace(state, alarms=self._alarms.ask(lambda alarms: alarms.update(state), ()), guide=guide)
 
 
 def finished_state(live: TrialState, score: Result) -> TrialState:

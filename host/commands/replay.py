@@ -42,11 +42,12 @@ def run(args: argparse.Namespace) -> int:
     from host.results.printout import print_score
     from host.results.result import ScoreOptions, score_trial
     from host.screen.choice import ScreenChoice, open_screen
+    from host.screen.guarded_screen import guarded
     from host.stop_signals import stop_on_signals
     from host.trial.live import Trial
 
     with ReplayTransport(args.file, args.speed) as transport, stop_on_signals() as stop:
-        screen = open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, plain_lines=args.plain))
+        screen = guarded(open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, plain_lines=args.plain)))
         then = recorded_actions(args.file), recorded_commands(args.file)
         screen.start()
         try:

@@ -80,9 +80,11 @@ class ReaderThread:
     def stop(self, timeout_s: float = 2.0) -> bool:
         """Ask the thread to end and return whether it did in time; chunks already read can still be taken.
 
-        A driver that hangs in a call is left to the daemon flag.
+        A driver that hangs in a call is left to the daemon flag. A thread that was never started closes nothing.
         """
         self._stop.set()
+        if self._thread.ident is None:
+            self._transport.close()
         if self._thread.is_alive():
             self._thread.join(timeout_s)
         return not self._thread.is_alive()

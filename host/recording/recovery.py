@@ -138,6 +138,8 @@ class _Copier:
     def finish(self, *, header_found: bool) -> Recovery:
         """Copy what the decoder still holds; return what was found."""
         add_views(self._writer, self._trial.finish(), self.last_ns)
+        for sentence in self._trial.failures:  # why channels of the viewers lack something
+            self._writer.add_note("warning", sentence, self.last_ns)
         return Recovery(
             chunks=self._counts[fmt.RECEIVED],
             sent=self._counts[fmt.SENT],

@@ -7,6 +7,7 @@ library's default chunks would lose everything since the last megabyte, and its 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import platform
 import tempfile
@@ -55,6 +56,8 @@ class RecordingWriter:
         self, path: Path, link: str, wall_time_ns: int, monotonic_ns: int, settings: dict[str, Any] | None = None
     ) -> None:
         self.path = path
+        self.closed = False
+        """Whether it is finished: nothing can be added."""
         self._sink = RecordingSink(path)
         self._wall_minus_monotonic_ns = wall_time_ns - monotonic_ns
         self._flushed_ns = monotonic_ns
@@ -168,17 +171,18 @@ class RecordingWriter:
 
         ``report`` is called with a sentence on what could not be saved.
         """
-        if self._sink.closed:
+        if self.closed:
             return
-        self._writer.finish()
-        if not self._sink.flush_pending():
-            rescued = self._sink.rescue((Path(tempfile.gettempdir()), Path.home()))
-            where = f"; the whole of it is {rescued}" if rescued else ""
-            report(f"the recording {self.path} is cut: {self._sink.problem}{where}")
-        if self._sink.removed():
-            restored = " and written again" if self._sink.restore() else ""
-            report(f"the recording {self.path} was removed meanwhile{restored}")
-        self._sink.close()
+        self.closed = True
+        with contextlib.closing(self._sink):  # even where finishing fails, what there is goes to the disk
+            self._writer.finish()
+            if not self._sink.flush_pending():
+                rescued = self._sink.rescue((Path(tempfile.gettempdir()), Path.home()))
+                where = f"; the whole of it is {rescued}" if rescued else ""
+                report(f"the recording {self.path} is cut: {self._sink.problem}{where}")
+            if self._sink.removed():
+                restored = " and written again" if self._sink.restore() else ""
+                report(f"the recording {self.path} was removed meanwhile{restored}")
 
     def _add(self, topic: str, message: bytes, host_time_ns: int) -> None:
         count = self._counts[topic]

@@ -30,6 +30,7 @@ class LiveScreen(Screen):
 
     While it is up, signals that would stop this program in the shell's way (Control-Z) are ignored: a stopped capture
     loses data. The keys of the screen offer to step aside instead. When the process fails, the ``fallback`` goes on.
+    What fails in a thread of this screen is raised by the next call: see :mod:`host.screen.guarded_screen`.
     """
 
     def __init__(self, stream: TextIO, fallback: Screen, theme: Theme, bell: bool = False) -> None:
@@ -46,6 +47,13 @@ class LiveScreen(Screen):
         self._actions: deque[ScreenAction] = deque()
         self._closed = threading.Event()
         self._reported: list[str] = []
+        self._deaf: Exception | None = None  # why keys are no longer received
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Whether the process that draws has failed."""
+        failed = self._rescued and self.process is not None
+        return ("the screen failed; the capture goes on with a line per cycle",) if failed else ()
 
     def start(self) -> None:
         """Start the process that draws; the terminal is its own from here on."""
@@ -73,6 +81,8 @@ class LiveScreen(Screen):
         if self._failed():
             self._fallback.update(state, index)
         elif self._frames is not None:
+            if self._frames.failure is not None:
+                raise self._frames.failure
             self._frames.update(state, index)
 
     def cycle(self, row: CycleRow, index: int | None = None) -> None:
@@ -89,6 +99,8 @@ class LiveScreen(Screen):
 
     def actions(self) -> list[ScreenAction]:
         """Return what was asked for since the last call."""
+        if self._deaf is not None:
+            raise self._deaf
         return [self._actions.popleft() for _ in range(len(self._actions))]
 
     def hold(self, timeout_s: float) -> bool:
@@ -97,26 +109,47 @@ class LiveScreen(Screen):
         return self._closed.wait(timeout_s) or process is None or process.poll() is not None
 
     def stop(self) -> None:
-        """Release the terminal, then print what was reported."""
+        """Release the terminal, then print what was reported; each step is taken, whatever became of the others."""
         process, self.process = self.process, None
-        if process is not None and self._frames is not None:
-            self._frames.stop()
-            try:
-                process.wait(STOP_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            self._frames.join(1.0)
-            if process.returncode != 0:
-                self._rescue()
-            if self._terminal is not None:
-                self._terminal.release()
-            for pipe in (process.stdin, process.stdout):
-                with contextlib.suppress(OSError):
-                    pipe.close()  # type: ignore[union-attr]
-            for number, handler in self._handlers.items():
-                signal.signal(number, handler)
-            self._handlers.clear()
+        with contextlib.ExitStack() as steps:  # the last first
+            steps.callback(self._print_reported)
+            steps.callback(self._restore_signals)
+            if process is not None:
+                steps.callback(self._release, process)
+                steps.callback(self._end, process)
+
+    def _end(self, process: subprocess.Popen[bytes]) -> None:
+        """Have the process end, or end it; it has released the terminal by then."""
+        try:
+            if self._frames is None:  # it was never told anything
+                assert process.stdin is not None
+                process.stdin.close()
+            else:
+                self._frames.stop()
+            process.wait(STOP_S)
+        except BaseException:
+            process.kill()
+            process.wait()
+            raise
+        finally:
+            if self._frames is not None:
+                self._frames.join(1.0)
+
+    def _release(self, process: subprocess.Popen[bytes]) -> None:
+        if process.returncode != 0:
+            self._rescue()
+        if self._terminal is not None:
+            self._terminal.release()
+        for pipe in (process.stdin, process.stdout):
+            with contextlib.suppress(OSError):
+                pipe.close()  # type: ignore[union-attr]
+
+    def _restore_signals(self) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        self._handlers.clear()
+
+    def _print_reported(self) -> None:
         reported, self._reported = self._reported, []
         with contextlib.suppress(OSError, ValueError):
             for sentence in reported:
@@ -128,22 +161,24 @@ class LiveScreen(Screen):
         process = self.process
         if process is None or process.poll() is None:
             return False
-        if self._rescue():
-            self._fallback.report("the screen failed; the capture goes on with a line per cycle")
+        self._rescue()
         return True
 
-    def _rescue(self) -> bool:
-        """Restore the terminal that the process has left acquired; return whether it was the first time."""
-        first, self._rescued = not self._rescued, True
-        if first and self._terminal is not None:
+    def _rescue(self) -> None:
+        """Restore the terminal that the process has left acquired."""
+        if not self._rescued and self._terminal is not None:
             self._terminal.rescue()
-        return first
+        self._rescued = True
 
     def _receive(self, pipe: IO[bytes]) -> None:
-        with contextlib.suppress(OSError, ValueError):
+        try:
             for line in pipe:
                 action = decode_action(line)
                 if action is not None and action.kind == "close":
                     self._closed.set()
                 elif action is not None:
                     self._actions.append(action)
+        except (OSError, ValueError):  # the process has gone, and its pipe with it
+            pass
+        except Exception as error:  # noqa: BLE001 - a thread must not die in silence
+            self._deaf = error

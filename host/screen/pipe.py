@@ -81,6 +81,8 @@ class FrameSender:
         self._states: dict[int, TrialState] = {0: TrialState()}
         self._sent: dict[int, TrialState] = {}
         self._news = self._stopping = False
+        self.failure: Exception | None = None
+        """What ended the thread, unless the process has gone; its pipe is closed then."""
         self._thread = threading.Thread(target=self._run, name="rotdrift-screen", daemon=True)
         self._thread.start()
 
@@ -102,20 +104,27 @@ class FrameSender:
         self._thread.join(timeout_s)
 
     def _run(self) -> None:
+        try:
+            self._send_until_stop()
+        except (OSError, ValueError):  # the process has gone: whoever started it sees that
+            pass
+        except Exception as error:  # noqa: BLE001 - a thread must not die in silence
+            self.failure = error
         with contextlib.suppress(OSError, ValueError):
-            while True:
-                with self._changed:
-                    while not self._news and not self._stopping:
-                        self._changed.wait()
-                    states = dict(sorted(self._states.items()))
-                    news, self._news = self._news, False
-                    stopping = self._stopping
-                if news:
-                    send(self._file, self._frame(states))
-                if stopping:
-                    send(self._file, Stop())
-                    self._file.close()
-                    return
+            send(self._file, Stop())
+            self._file.close()
+
+    def _send_until_stop(self) -> None:
+        stopping = False
+        while not stopping:
+            with self._changed:
+                while not self._news and not self._stopping:
+                    self._changed.wait()
+                states = dict(sorted(self._states.items()))
+                news, self._news = self._news, False
+                stopping = self._stopping
+            if news:
+                send(self._file, self._frame(states))
 
     def _frame(self, states: dict[int, TrialState]) -> Frame:
         """Return what to send of the states, given what was sent before."""

@@ -147,6 +147,8 @@ def main() -> None:
     if sys.platform != "win32":
         with contextlib.suppress(OSError):
             os.nice(NICE)
+    # A picture that stands still would be worse than none: the capture restores the terminal, and goes on in lines.
+    threading.excepthook = lambda _: os._exit(1)
     terminal = Terminal(descriptor)
     try:
         terminal.acquire()

@@ -19,6 +19,11 @@ class Screen:
     No method waits for the terminal longer than it takes to print.
     """
 
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What failed of the screen itself, a sentence each."""
+        return ()
+
     def start(self) -> None:
         """Show that the capture starts: the link is open."""
 

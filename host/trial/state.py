@@ -21,6 +21,8 @@ REST_DPS, MOVING_DPS = 1.5, 3.0
 """Turning rates below which the object is at rest, and above which it is moved."""
 OUTSIDE, MISSED = "outside the trial window", "cycles were missed"
 """Reasons why a cycle does not count that are not the operator's own words."""
+UNCOUNTED = "cycles not counted"
+"""Phase of a motion whose cycle detector or running score has failed."""
 
 
 def plain_quaternion(quat_wxyz: npt.NDArray[np.float64]) -> Quaternion:
@@ -209,7 +211,7 @@ class MotionView:
     """The motion as the online detector sees it."""
 
     phase: str = "no data"
-    """In words: no data, waiting for motion, running."""
+    """In words: no data, waiting for cycles, running, :data:`UNCOUNTED`."""
     moving: bool = False
     """Whether the object turns right now."""
     period_s: float | None = None

