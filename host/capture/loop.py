@@ -95,8 +95,8 @@ class Capture:
         desk = OperatorDesk(trial, self._add_action, self._link.mark)
         self._desk = Guarded("the operator's desk", desk, failures, "of the keys, only the one that ends works")
         target = TargetView(settings.cycles, settings.duration_s, settings.until_half_width_deg)
-        snapshots = Snapshots(trial, desk, "rotdrift capture", target, guide)
-        self._snapshots = Guarded("the live view", snapshots, failures, "the picture stands still")
+        snapshots, without = Snapshots(trial, desk, "rotdrift capture", target, guide), "end a guided trial by hand"
+        self._snapshots = Guarded("the live view", snapshots, failures, f"the picture stands still, {without}")
         self._state = TrialState()
         self._published_ns = 0
         self._ending: Ending | None = None
@@ -106,12 +106,14 @@ class Capture:
         """Capture until the end; stops the object and closes link and recording whatever happens."""
         link = self._link
         at_end = self._stop_object, self._insist, link.reader.stop, self._take_rest, self._finish, self._close
-        with ExitStack() as steps:  # each is taken, whatever became of those before it
+        with ExitStack() as steps:  # each is taken, whatever became of those before it, and again where it failed
             for step in reversed(at_end):
-                steps.callback(self._attempt, step)
+                steps.callback(self._attempt, step, tries=2)
             self._attempt(self._until_end)
-        clock = self._trial.clock_values()
-        self._notes.warn_once(self._trial.failures)
+        clock, failures = self._trial.clock_values(), self._trial.failures
+        kept = Guarded("what is only in memory", self._recording, failures, "the score is of what is on the disk")
+        unwritten = kept.ask(lambda recording: recording.unwritten, b"")
+        self._notes.warn_once(failures)
         reason, error = self._ending or ("the capture failed", None)
         if isinstance(self._failure, HostError):
             error = error or self._failure
@@ -121,25 +123,27 @@ class Capture:
             reason=reason,
             error=error or link.reader.error,
             warnings=tuple(self._notes.warnings),
-            unwritten=self._recording.unwritten,
+            unwritten=unwritten,
             elapsed_s=link.elapsed_s(link.sample_ns),
             last_state=self._state,
             clock=clock,
         )
 
-    def _attempt(self, step: Callable[[], object]) -> None:
+    def _attempt(self, step: Callable[[], object], tries: int = 1) -> None:
         """Take a step towards the end; keep what it raises, for the steps after it are to be taken as well."""
-        try:
-            step()
-        except BaseException as error:
-            self._failure = self._failure or error
-            if not isinstance(error, Exception):  # Ctrl-C: it passes on once everything is closed
-                raise
+        for _ in range(tries):
+            try:
+                step()
+                return
+            except BaseException as error:
+                self._failure = self._failure or error
+                if not isinstance(error, Exception):  # Ctrl-C: it passes on once everything is closed
+                    raise
 
     def _until_end(self) -> None:
         link = self._link
         link.reader.start()
-        while self._ending is None:
+        while self._ending is None and self._failure is None:
             self._turn()
             now_ns = link.time_ns
             if now_ns - self._published_ns >= STATE_NS:
@@ -221,7 +225,9 @@ class Capture:
             self._published_ns = 0
 
     def _add_action(self, action: OperatorAction) -> None:
-        self._recording.add_values(fmt.ACTION, action.values(), self._now_ns())
+        values, now_ns = action.values(), self._now_ns()
+        # A failure to record is not the operator's desk's, which calls this.
+        self._attempt(lambda: self._recording.add_values(fmt.ACTION, values, now_ns))
 
     def _publish(self, now_ns: int) -> None:
         """Put the state together and show it; record a new step of the guide."""

@@ -28,13 +28,14 @@ class OperatorDesk:
         self._record = record
         self._send_marker = send_marker
         self._n_markers = 0
+        self._window_open = False  # known here: the recorded window must not depend on the running score
         self.marks: tuple[OperatorMark, ...] = ()
         """The last markers and notes."""
 
     def process(self, action: ScreenAction) -> None:
         """Do what was asked for; an action that makes no sense now does nothing."""
         score, now_s = self._trial.score, self._trial.newest_s
-        window, cycle = score.subject.window, action.cycle
+        cycle = action.cycle
         if action.kind == "marker":
             self._n_markers += 1
             self._do(OperatorAction(did.MARKER, now_s, f"marker {self._n_markers}"))
@@ -42,8 +43,8 @@ class OperatorDesk:
         elif action.kind == "note":
             self._do(OperatorAction(did.NOTE, now_s, action.text))
         elif action.kind == "window":
-            is_open = window is not None and window.to_s is None
-            self._do(OperatorAction(did.WINDOW_STOP if is_open else did.WINDOW_START, now_s))
+            kind, self._window_open = did.WINDOW_STOP if self._window_open else did.WINDOW_START, not self._window_open
+            self._do(OperatorAction(kind, now_s))
         elif action.kind == "exclude" and cycle is not None:
             times_s = score.ask(lambda running: running.leave_out(cycle, action.text), None)
             self._record_cycle(did.EXCLUDE, times_s, action.text)

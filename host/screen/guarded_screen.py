@@ -30,7 +30,9 @@ class GuardedScreen(Screen):
     @property
     def problems(self) -> tuple[str, ...]:
         """What failed of this screen, and of the one behind it."""
-        return (*self._screen.subject.problems, *self._failures)
+        nothing: tuple[str, ...] = ()
+        behind = self._screen.ask(lambda screen: screen.problems, nothing)
+        return (*behind, *self._failures)
 
     def start(self) -> None:
         """Start the screen."""

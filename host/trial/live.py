@@ -243,18 +243,22 @@ class Trial:
 
     def clock_view(self) -> ClockView:
         """Return how the object's clock runs against the host's, as far as known now."""
-        estimate = self.clock_estimate
-        if estimate is None:
-            return ClockView()
-        return ClockView(
-            skew_ppm=estimate.skew_ppm if estimate.warm else None,
-            jitter_p50_ms=estimate.jitter_p50_ns / 1e6,
-            jitter_p99_ms=estimate.jitter_p99_ns / 1e6,
-            offset_interval_ns=estimate.interval.bounds_ns,
-            warm_up_s=estimate.warm_up_s,
-        )
+        return self._clock.ask(_clock_view, ClockView())
 
 
 def _account(clock: ClockEstimator) -> LiveClock | None:
     estimate = clock.estimate()
     return None if estimate is None else estimate.account()
+
+
+def _clock_view(clock: ClockEstimator) -> ClockView:
+    estimate = clock.estimate()
+    if estimate is None:
+        return ClockView()
+    return ClockView(
+        skew_ppm=estimate.skew_ppm if estimate.warm else None,
+        jitter_p50_ms=estimate.jitter_p50_ns / 1e6,
+        jitter_p99_ms=estimate.jitter_p99_ns / 1e6,
+        offset_interval_ns=estimate.interval.bounds_ns,
+        warm_up_s=estimate.warm_up_s,
+    )
