@@ -5,12 +5,14 @@ It imitates neither threads nor drivers nor the speed of a machine; everything e
 
 import io
 import threading
+from contextlib import contextmanager
 from unittest.mock import patch
 
 from emulator.virtual_object import VirtualObject
 from firmware_protocol.packets import Stop
 from firmware_protocol.serial.decoder import StreamDecoder
 from host.capture import conversation
+from host.capture import run as capture_run
 from host.capture.guide import GuideSettings
 from host.capture.loop import Capture
 from host.capture.settings import CaptureSettings
@@ -24,7 +26,7 @@ from host.trial.live import Trial
 from tests.memory_link import MemoryLink
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario
 
-STEP_NS = 40_000_000
+STEP_NS = 70_000_000
 """What one read of the link takes."""
 MOTION = {"cycles": 5, "period_s": 0.4, "swing_deg": 20.0, "lead_in_s": 0.4, "lead_out_s": 1.5}
 KEYS = (
@@ -142,7 +144,7 @@ class KeyedScreen(LineScreen):
 class VirtualCapture:
     """A capture of such an object into ``path``."""
 
-    def __init__(self, path, settings=SETTINGS, lost=(20, 21, 40)):
+    def __init__(self, path, settings=SETTINGS, lost=(14, 24)):
         self.link = VirtualObjectLink(lost)
         self.screen = KeyedScreen(self.link)
         self.trial = Trial()
@@ -160,3 +162,19 @@ class VirtualCapture:
 
     def run(self):
         return self.capture.run()
+
+
+@contextmanager
+def virtual_links(*links):
+    """Have every capture that is started by a command, one after the other, find these in place of real links."""
+    waiting = list(links)
+
+    def capture(transport, *arguments):
+        return Capture(transport, *arguments, now_ns=lambda: transport.now_ns)
+
+    with (
+        patch.object(conversation, "ReaderThread", lambda transport, **_: transport),
+        patch.object(capture_run, "open_lasting", lambda *_: waiting.pop(0)),
+        patch.object(capture_run, "Capture", capture),
+    ):
+        yield

@@ -14,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from analysis.scoring.recorded_parts import LiveClock
 from host.capture.conversation import Conversation, Ending
@@ -107,6 +107,7 @@ class Capture:
         link = self._link
         at_end = self._stop_object, self._insist, link.reader.stop, self._take_rest, self._finish, self._close
         with ExitStack() as steps:  # each is taken, whatever became of those before it, and again where it failed
+            steps.callback(self._recording.close)  # Ctrl-C as it is being closed
             for step in reversed(at_end):
                 steps.callback(self._attempt, step, tries=2)
             self._attempt(self._until_end)
@@ -236,7 +237,8 @@ class Capture:
         elapsed_s, warnings = link.elapsed_s(now_ns), tuple(notes.warnings[-3:])
         enough = self._goal.ask(lambda goal: goal.enough, False)
         self._state = self._snapshots.ask(
-            lambda snapshots: snapshots.at(now_ns, elapsed_s, link.view, notes.recording, warnings, enough), self._state
+            lambda snapshots: snapshots.at(now_ns, elapsed_s, link.view, notes.recording, warnings, enough),
+            replace(self._state, warnings=warnings),
         )
         step = self._state.guide
         if step is not None and step.title != (TITLES[0] if before is None else before.title):

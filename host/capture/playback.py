@@ -6,6 +6,7 @@ import contextlib
 import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from firmware_protocol.items import StreamItem
@@ -90,7 +91,8 @@ def play(
         link = LinkView(name=transport.name, expected_rate_hz=None if info is None else info.rate_hz)
         recording = RecordingView(transport.name.removeprefix("replay:"), trial.link.n_bytes, replayed=True)
         elapsed_s, warnings = 0.0 if first_ns is None else (now_ns - first_ns) / 1e9, tuple(trial.failures[-3:])
-        shown = snapshots.ask(lambda it: it.at(now_ns, elapsed_s, link, recording, warnings), shown)
+        stands_still = replace(shown, warnings=warnings)
+        shown = snapshots.ask(lambda it: it.at(now_ns, elapsed_s, link, recording, warnings), stands_still)
         for sentence in (*trial.failures, *screen.problems):
             if sentence not in reported:
                 reported.add(sentence)

@@ -42,7 +42,7 @@ Message = Frame | Stop
 
 def send(file: IO[bytes], message: Message) -> None:
     """Write a message; waits while the pipe is full."""
-    pickle.dump(message, file, protocol=pickle.HIGHEST_PROTOCOL)
+    file.write(pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL))  # whole, or nothing of it
     file.flush()
 
 
