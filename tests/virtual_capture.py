@@ -51,18 +51,20 @@ SETTINGS = CaptureSettings(
 class VirtualObjectLink(Transport):
     """An object in virtual time, and the reading thread of its link in one: reading moves the clock.
 
-    Of its chunks, ``lost`` ones (numbers) never arrive; what it was sent is in ``stopped`` and ``written``.
+    Of its chunks, ``lost`` ones (numbers) never arrive, and ``batch`` are handed over at once, as on a busy machine.
     """
 
     name = "memory:"
 
-    def __init__(self, lost=()):
+    def __init__(self, lost=(), batch=1):
         self.now_ns = MONOTONIC_NS
         self.delivered = []
         self.written = []
         self.closed = False
         self.ended, self.error, self.overflow_chunks = False, None, 0
         self._lost = set(lost)
+        self._batch = batch
+        self._waiting = []
         self._steps = 0
         self._virtual = VirtualObject(scenario("ideal", motion=MOTION))
         self._wire = MemoryLink()
@@ -95,17 +97,21 @@ class VirtualObjectLink(Transport):
 
     def take(self, timeout_s):
         if timeout_s == 0:
-            return []
+            return self._handed_over()
         self.now_ns += STEP_NS
         self._steps += 1
         for command in self._wire.receive():
             self._virtual.firmware.receive(command, self.elapsed_s)
         self._virtual.firmware.step(self.elapsed_s, self._wire.send)
         data = self._wire.take()
-        if not data or self._steps in self._lost:
-            return []
-        self.delivered.append(Chunk(data, self.now_ns))
-        return self.delivered[-1:]
+        if data and self._steps not in self._lost:
+            self._waiting.append(Chunk(data, self.now_ns))
+        return self._handed_over() if len(self._waiting) >= self._batch else []
+
+    def _handed_over(self):
+        chunks, self._waiting = self._waiting, []
+        self.delivered += chunks
+        return chunks
 
     def stop(self):
         self.close()
@@ -144,8 +150,8 @@ class KeyedScreen(LineScreen):
 class VirtualCapture:
     """A capture of such an object into ``path``."""
 
-    def __init__(self, path, settings=SETTINGS, lost=(14, 24)):
-        self.link = VirtualObjectLink(lost)
+    def __init__(self, path, settings=SETTINGS, lost=(14, 24), batch=1):
+        self.link = VirtualObjectLink(lost, batch)
         self.screen = KeyedScreen(self.link)
         self.trial = Trial()
         self.writer = RecordingWriter(path, self.link.name, WALL_NS, MONOTONIC_NS)

@@ -33,6 +33,8 @@ from host.trial.sensor import SensorWatch
 from host.trial.state import UNCOUNTED, ClockView, CounterView, CycleRow, MotionView, SensorView, StreamView
 from host.trial.turning import Turning
 
+NONE_FOUND: list[Endpoint] = []
+NOTHING_KNOWN = OnlineState()
 NO_MORE_CYCLES = "no more cycles are counted, so none end the capture"
 
 
@@ -122,7 +124,7 @@ class Trial:
 
     @property
     def _online(self) -> OnlineState:
-        return self._detector.ask(lambda detector: detector.state, OnlineState())
+        return self._detector.ask(lambda detector: detector.state, NOTHING_KNOWN)
 
     def feed(self, chunk: AnyChunk) -> TrialUpdate:
         """Process one chunk; an empty one means that the link was opened again."""
@@ -172,8 +174,9 @@ class Trial:
         return self._clock.ask(_account, None)
 
     def _map(self, samples: UnwrappedSamples) -> None:
-        received_ns = np.full(len(samples.device_time_us), samples.host_time_ns, dtype=np.int64)
-        stamps_ns = self._clock.ask(lambda clock: clock.map(samples.device_time_us, samples.host_time_ns), received_ns)
+        stamps_ns = self._clock.ask(lambda clock: clock.map(samples.device_time_us, samples.host_time_ns), None)
+        if stamps_ns is None:
+            stamps_ns = np.full(len(samples.device_time_us), samples.host_time_ns, dtype=np.int64)
         self._decoded.append(DecodedBatch(stamps_ns, samples.quats_wxyz))
 
     def _feed_block(self, block: SampleBlock) -> list[CycleRow]:
@@ -185,8 +188,7 @@ class Trial:
         if self._turning.ask(lambda turning: turning.feed(*pose), False):
             self._sensor.ask(lambda sensor: sensor.feed_pose(*pose), None)
         # Samples that come late are in the recording; the detector, being causal, passes them over.
-        nothing: list[Endpoint] = []
-        found = self._detector.ask(lambda it: it.feed(block.time_s, block.quats_wxyz, block.index.tolist()), nothing)
+        found = self._detector.ask(lambda it: it.feed(block.time_s, block.quats_wxyz, block.index.tolist()), NONE_FOUND)
         online = self._online
         if online.withdrawn > self._withdrawn:
             self._withdrawn = online.withdrawn
@@ -201,8 +203,8 @@ class Trial:
         return rows
 
     def _enter(self, endpoint: Endpoint, over_gap: bool) -> list[CycleRow]:
-        none: list[CycleRow] = []
-        return self.score.ask(lambda score: [score.enter(endpoint, over_gap)], none)
+        row = self.score.ask(lambda score: score.enter(endpoint, over_gap), None)
+        return [] if row is None else [row]
 
     def motion_view(self) -> MotionView:
         """Return the motion as the online detector sees it now."""

@@ -200,7 +200,7 @@ def always(error):
     ],
 )
 def test_what_fails_on_the_way_out_too_leaves_the_object_stopped_and_the_file_closed(tmp_path, owner, name):
-    bench = VirtualCapture(tmp_path / "trial.mcap")
+    bench = VirtualCapture(tmp_path / "trial.mcap", batch=3)
     note_on_the_way = name == "add_note"
     with patch.object(owner, name, always(RuntimeError("injected"))):
         if note_on_the_way:
