@@ -6,7 +6,9 @@ The calls are found by watching a capture, in virtual time; a part or a call tha
 import io
 import itertools
 import json
+import os
 import re
+import signal
 import sys
 import threading
 from collections import Counter
@@ -30,7 +32,10 @@ from host.recording.replay_link import ReplayTransport
 from host.recording.sink import RecordingSink
 from host.recording.writer import RecordingWriter
 from host.results.result import ScoreOptions, score_trial
+from host.screen import live_screen
+from host.screen.dashboard.theme import Theme
 from host.screen.guarded_screen import guarded
+from host.screen.live_screen import LiveScreen
 from host.screen.pipe import FrameSender, Stop, receive
 from host.screen.screens import LineScreen, QuietScreen
 from host.stream.session import Session
@@ -38,7 +43,7 @@ from host.trial.live import Trial
 from host.trial.state import Alarm, TrialState
 from tests.injected_faults import calls_counted, raising
 from tests.virtual_capture import SETTINGS, KeyedScreen, VirtualCapture, VirtualObjectLink, virtual_links
-from tests.waiting import wait_for
+from tests.waiting import HANG_S, wait_for
 
 MAGIC = b"\x89MCAP0\r\n"
 ERRORS = (RuntimeError, RuntimeError, RuntimeError, MemoryError, ZeroDivisionError)
@@ -386,3 +391,65 @@ def test_a_state_that_cannot_be_sent_ends_the_sender_and_is_reported():
     wait_for(lambda: end, "the end of the pipe")
     assert isinstance(sender.failure, TypeError)
     assert receive(io.BytesIO(end[0])) == Stop()
+
+
+DRAWS = "import sys; sys.stdout.write('{}\\n'); sys.stdout.flush(); sys.stdin.buffer.read()"
+"""In place of the process that draws: sends one line that is no action, and ends with its input."""
+
+
+@pytest.fixture
+def live(monkeypatch):
+    """A live screen on a pseudo-terminal whose process draws nothing."""
+    pty = pytest.importorskip("pty")
+    monkeypatch.setattr(live_screen, "command_line", lambda *_: [sys.executable, "-I", "-S", "-c", DRAWS])
+    ours, theirs = pty.openpty()
+    with os.fdopen(ours, "rb"), os.fdopen(theirs, "w") as stream:
+        live = LiveScreen(stream, LineScreen(stream), Theme())
+        yield live
+        live.stop()
+        assert signal.getsignal(signal.SIGTSTP) is signal.SIG_DFL
+
+
+def fails_alone(live, screen, sentence, capsys):
+    assert live.process is None  # it has ended, and the terminal is free
+    assert signal.getsignal(signal.SIGTSTP) is signal.SIG_DFL
+    (problem,) = screen.problems
+    assert problem.startswith(f"the screen failed ({sentence}")
+    screen.report("a line")
+    assert capsys.readouterr().err == "a line\n"
+
+
+def test_keys_that_cannot_be_received_end_the_screen_not_the_capture(live, monkeypatch, capsys):
+    screen = guarded(live)
+    monkeypatch.setattr(live_screen, "decode_action", always(RuntimeError("injected")))
+    screen.start()
+    assert live.process is not None
+    wait_for(lambda: screen.actions() or screen.problems, "the failure")
+    fails_alone(live, screen, "RuntimeError: injected", capsys)
+
+
+def test_a_picture_that_cannot_be_sent_ends_the_screen_not_the_capture(live, capsys):
+    screen = guarded(live)
+    screen.start()
+    screen.update(TrialState(title=threading.Lock()))
+    wait_for(lambda: live._frames.failure, "the failure")  # a newer state might be sent in place of this one
+    screen.update(TrialState())
+    fails_alone(live, screen, "TypeError: ", capsys)
+
+
+def test_a_process_that_dies_is_named_in_the_warnings_too(live):
+    screen = guarded(live)
+    screen.start()
+    assert screen.problems == ()
+    live.process.kill()
+    live.process.wait(HANG_S)
+    screen.update(TrialState())
+    assert screen.problems == ("the screen failed; the capture goes on with a line per cycle",)
+
+
+@pytest.mark.parametrize("name", ["command_line", "FrameSender"])
+def test_a_screen_that_cannot_start_leaves_no_process_and_no_handler(live, name, monkeypatch, capsys):
+    screen = guarded(live)
+    monkeypatch.setattr(live_screen, name, always(RuntimeError("injected")))
+    screen.start()
+    fails_alone(live, screen, "RuntimeError: injected", capsys)
