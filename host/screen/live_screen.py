@@ -62,14 +62,16 @@ class LiveScreen(Screen):
             self._handlers = handle_signals(_JOB_SIGNALS, signal.SIG_IGN)
         descriptor = os.dup(self._stream.fileno())  # a number that no pipe has over there
         extra: dict[str, Any] = {} if sys.platform == "win32" else {"pass_fds": (descriptor,)}
-        process = subprocess.Popen(  # noqa: S603 - our own program
-            command_line(descriptor, self._theme),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            **extra,
-        )
-        os.close(descriptor)
+        try:
+            process = subprocess.Popen(  # noqa: S603 - our own program
+                command_line(descriptor, self._theme),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                **extra,
+            )
+        finally:
+            os.close(descriptor)
         assert process.stdin is not None
         assert process.stdout is not None
         self.process = process
@@ -81,8 +83,6 @@ class LiveScreen(Screen):
         if self._failed():
             self._fallback.update(state, index)
         elif self._frames is not None:
-            if self._frames.failure is not None:
-                raise self._frames.failure
             self._frames.update(state, index)
 
     def cycle(self, row: CycleRow, index: int | None = None) -> None:
@@ -99,8 +99,7 @@ class LiveScreen(Screen):
 
     def actions(self) -> list[ScreenAction]:
         """Return what was asked for since the last call."""
-        if self._deaf is not None:
-            raise self._deaf
+        self._failed()
         return [self._actions.popleft() for _ in range(len(self._actions))]
 
     def hold(self, timeout_s: float) -> bool:
@@ -126,12 +125,12 @@ class LiveScreen(Screen):
                 process.stdin.close()
             else:
                 self._frames.stop()
-            process.wait(STOP_S)
-        except BaseException:
-            process.kill()
-            process.wait()
-            raise
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(STOP_S)
         finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
             if self._frames is not None:
                 self._frames.join(1.0)
 
@@ -157,7 +156,13 @@ class LiveScreen(Screen):
             self._stream.flush()
 
     def _failed(self) -> bool:
-        """Return whether the screen process has ended by itself; then the terminal is restored, and lines go on."""
+        """Return whether the screen process has ended by itself; then the terminal is restored, and lines go on.
+
+        What ended a thread of this side is raised; without frames the process ends as well, so this comes first.
+        """
+        failure = self._deaf or (None if self._frames is None else self._frames.failure)
+        if failure is not None:
+            raise failure
         process = self.process
         if process is None or process.poll() is None:
             return False
