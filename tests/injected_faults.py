@@ -28,7 +28,7 @@ class Call:
 
 
 def _known(part_of):
-    """Remember, for each code object, its file and part: the profiler asks at every call."""
+    """Return what knows the file and part of a code object, and remembers them: the profiler asks at every call."""
     known = {}
 
     def asked(code):

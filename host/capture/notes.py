@@ -43,7 +43,7 @@ class Notes:
             self._recording.add_note("warning", sentence, self._now_ns())
 
     def warn_once(self, sentences: Iterable[str]) -> None:
-        """Report those of the sentences that are new; a count in one that grows is no news."""
+        """Report those of the sentences that are new; a count that has grown does not make one new."""
         for sentence in sentences:
             without_numbers = re.sub(r"\d+", "#", sentence)
             if without_numbers not in self._known:

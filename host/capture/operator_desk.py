@@ -70,7 +70,7 @@ class OperatorDesk:
 
 
 def _edit(score: RunningScore, action: OperatorAction) -> None:
-    """Change a running score as a recorded action says; one that is no edit changes nothing."""
+    """Change a running score as a recorded action states; actions that are no edits change nothing."""
     if action.kind == did.WINDOW_START:
         score.set_window(WindowView(action.time_s, None))
     elif action.kind == did.WINDOW_STOP:

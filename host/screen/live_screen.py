@@ -120,7 +120,7 @@ class LiveScreen(Screen):
     def _end(self, process: subprocess.Popen[bytes]) -> None:
         """Have the process end, or end it; it has released the terminal by then."""
         try:
-            if self._frames is None:  # it was never told anything
+            if self._frames is None:  # it was sent nothing yet
                 assert process.stdin is not None
                 process.stdin.close()
             else:
