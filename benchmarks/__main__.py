@@ -25,6 +25,7 @@ TOPICS = (
     "scoring",
     "start_up",
     "recording",
+    "recovery",
     "can_decode",
     "can_throughput",
     "live",

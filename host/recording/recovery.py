@@ -2,12 +2,14 @@
 
 A flipped bit in a record's length throws every reader off that walks from record to record. Here each place that looks
 like the start of one of our messages is tried, and believed only if its own CRC-32 fits: what was damaged is left
-out, what comes after it is found all the same.
+out, what comes after it is found all the same. Whatever the bytes claim, the search takes time in proportion to them:
+:mod:`host.recording.bulk.span_checksums` checks a claim of any length at the same cost.
 """
 
 from __future__ import annotations
 
 import struct
+import zlib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
@@ -15,16 +17,21 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from mcap.opcode import Opcode
 
 from host.errors import FileError, unreadable
-from host.links.transport import AnyChunk
+from host.links.transport import MAX_CHUNK_BYTES, AnyChunk
 from host.recording import format as fmt
-from host.recording.cdr import CDR_LITTLE_ENDIAN
+from host.recording.bulk.span_checksums import span_checksums
+from host.recording.cdr import CDR_LITTLE_ENDIAN, RosMessageType
 from host.recording.reader import RecordingHeader, parse_header
 from host.recording.views import add_views
 from host.recording.writer import RecordingWriter
 from host.trial.live import Trial
+
+IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,12 +160,18 @@ class _Copier:
 
 MAX_FILE_BYTES = 8 * 2**30
 """Longer recordings, two hundred hours at 200 Hz, are refused: the whole file is held in memory."""
-MAX_RAW_BYTES = 16 * 2**20
-"""No chunk is longer; a length above it is damage."""
+LONGEST_RAW_BYTES = fmt.RAW_HEAD_BYTES + 2 * MAX_CHUNK_BYTES
+"""No raw message is longer: the thread that reads a link joins two reads at most. A length above it is damage."""
+MAX_CHECKED_BYTES = 2**16
+"""Nor is an action or a note, whose texts are bounded."""
+SEARCH_BLOCK_BYTES = 2**20
+"""Searched at a time. What a block claims reaches behind it by the longest message: an eighth is checksummed twice."""
+MAX_HEADER_TRIES = 64
+"""Reading a description costs more per byte than anything else; a recording has one, and at most a few copies."""
 _MESSAGE = struct.Struct("<BQHIQQ")  # kind, length, channel, sequence, log time, publish time
-_TOPIC_OF_CHANNEL = {number: topic.name for number, topic in enumerate(fmt.TOPICS, start=1)}
-"""Channel ids as every recording of ours has them: a damaged channel record does no harm."""
-_KEPT = (fmt.ACTION, fmt.NOTE)
+_KEPT = {number: topic.name for number, topic in enumerate(fmt.TOPICS, start=1) if topic.name in {fmt.ACTION, fmt.NOTE}}
+"""By channel id, which every recording of ours has in common: a damaged channel record does no harm."""
+_ENCAPSULATION = int.from_bytes(CDR_LITTLE_ENDIAN, "little")
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,62 +213,99 @@ def salvage(path: Path) -> tuple[RecordingHeader | None, Iterator[SalvagedMessag
 def _find_header(data: bytes) -> RecordingHeader | None:
     name = struct.pack("<I", len(fmt.METADATA_NAME)) + fmt.METADATA_NAME.encode()
     at = data.find(name)
-    while at >= 0:
-        header = parse_header(data[at : at + 65536])
-        if header is not None:
+    for _ in range(MAX_HEADER_TRIES):
+        header = parse_header(data[at : at + 65536]) if at >= 0 else None
+        if at < 0 or header is not None:
             return header
         at = data.find(name, at + 1)
     return None
 
 
 def _find_messages(data: bytes) -> Iterator[SalvagedMessage]:
-    at = data.find(CDR_LITTLE_ENDIAN)
-    while at >= 0:
-        found, end = _raw_at(data, at)
-        if found is None:
-            found, end = _other_at(data, at)
-        if found is None:
-            at = data.find(CDR_LITTLE_ENDIAN, at + 1)
-        else:
-            yield found
-            at = data.find(CDR_LITTLE_ENDIAN, end)
+    """Search block by block for what claims to be a message.
+
+    A CRC that fits proves where a message ends: claims within it are its data, and it is read once or never.
+    """
+    view, done = memoryview(data), 0
+    for first in range(0, len(data), SEARCH_BLOCK_BYTES):
+        block = view[first : first + SEARCH_BLOCK_BYTES + LONGEST_RAW_BYTES]
+        heads = np.flatnonzero(_numbers(block, "<u4") == _ENCAPSULATION)
+        # What starts behind this block is found with the next. The record in front of a message may be in the last one.
+        heads = heads[heads < SEARCH_BLOCK_BYTES]
+        found = [(first + at, first + end, "") for at, end in _whole_raw(block, heads)]
+        before = min(first, _MESSAGE.size)
+        block = view[first - before : first + SEARCH_BLOCK_BYTES + LONGEST_RAW_BYTES]
+        for number, topic in _KEPT.items():
+            places = _whole_checked(block, heads + before, number, fmt.TYPES[topic])
+            found += [(first - before + at, first - before + end, topic) for at, end in places]
+        for at, end, topic in sorted(found):
+            if at >= done:
+                done = end
+                message = _checked_at(data, at, end, topic) if topic else _raw_at(data, at, end)
+                if message is not None:
+                    yield message
 
 
-def _raw_at(data: bytes, at: int) -> tuple[SalvagedMessage | None, int]:
-    """Read a raw message by its own header and CRC alone; the record around it is only asked for its number."""
-    length = fmt.raw_length(data, at)
-    if length is None or length > MAX_RAW_BYTES or at + length > len(data):
-        return None, 0
-    message = data[at : at + length]
+def _numbers(block: memoryview, dtype: str) -> npt.NDArray[np.unsignedinteger]:
+    """Return the number that starts at each byte of a block."""
+    size = np.dtype(dtype).itemsize
+    return np.ndarray((max(len(block) - size + 1, 0),), dtype, block, strides=(1,))
+
+
+def _whole_raw(block: memoryview, heads: IntArray) -> Iterator[tuple[int, int]]:
+    """Yield start and end of the raw messages whose own header and CRC fit; the record around each is not asked."""
+    heads = heads[heads + fmt.RAW_HEAD_BYTES <= len(block)]
+    kinds, sizes = _numbers(block, "u1")[heads + 16], _numbers(block, "<u4")[heads + 20]
+    starts = heads + fmt.RAW_HEAD_BYTES
+    ends = starts + sizes
+    claims = (kinds <= fmt.SENT_KIND) & (ends - heads <= LONGEST_RAW_BYTES) & (ends <= len(block))
+    heads, starts, ends = heads[claims], starts[claims], ends[claims]
+    crcs = np.zeros(len(heads), np.uint32)  # of host time, kind and data, as `encode_raw` has them
+    for start, end in ((heads + 4, heads + 12), (heads + 16, heads + 17), (starts, ends)):
+        crcs = span_checksums(block, start, end, crcs)
+    fits = crcs == _numbers(block, "<u4")[heads + 12]
+    return zip(heads[fits].tolist(), ends[fits].tolist(), strict=True)
+
+
+def _whole_checked(block: memoryview, heads: IntArray, channel: int, kind: RosMessageType) -> Iterator[tuple[int, int]]:
+    """Yield start and end of the messages of a type whose CRC, the last field, fits; their length is the record's."""
+    heads = heads[heads >= _MESSAGE.size]
+    records = heads - _MESSAGE.size
+    sizes = (_numbers(block, "<u8")[records + 1] - np.uint64(_MESSAGE.size - 9)).astype(np.int64)
+    claims = (_numbers(block, "u1")[records] == int(Opcode.MESSAGE)) & (_numbers(block, "<u2")[records + 9] == channel)
+    claims &= (sizes >= 8) & (sizes <= MAX_CHECKED_BYTES) & (heads + sizes <= len(block))
+    heads, ends = heads[claims], (heads + sizes)[claims]
+    seeds = np.full(len(heads), zlib.crc32(kind.name.encode()), np.uint32)
+    crcs = span_checksums(block, heads + len(CDR_LITTLE_ENDIAN), ends - 4, seeds)
+    fits = crcs == _numbers(block, "<u4")[ends - 4]
+    return zip(heads[fits].tolist(), ends[fits].tolist(), strict=True)
+
+
+def _raw_at(data: bytes, at: int, end: int) -> SalvagedMessage | None:
     for topic in (fmt.RECEIVED, fmt.SENT):
         try:
-            chunk = fmt.decode_raw(message, topic)
+            chunk = fmt.decode_raw(data[at:end], topic)
         except fmt.DamagedMessageError:
             continue
-        _, _, sequence, _, publish_ns = _record_before(data, at)
-        return SalvagedMessage(topic, publish_ns, sequence, chunk), at + length
-    return None, 0
+        sequence, publish_ns = _record_before(data, at)
+        return SalvagedMessage(topic, publish_ns, sequence, chunk)
+    return None
 
 
-def _other_at(data: bytes, at: int) -> tuple[SalvagedMessage | None, int]:
-    """Read an action or a note: its length stands in its record only, its CRC at its end proves it."""
-    kind, length, sequence, topic, publish_ns = _record_before(data, at)
-    end = at + length
-    if kind != Opcode.MESSAGE or topic not in _KEPT or not 0 < length <= 65536 or end > len(data):
-        return None, 0
-    kind_of_message = fmt.TYPES[topic]
+def _checked_at(data: bytes, at: int, end: int, topic: str) -> SalvagedMessage | None:
     try:
-        values = kind_of_message.decode(data[at:end])
-    except ValueError:
-        return None, 0
-    if len(kind_of_message.encode(values)) != length:  # a damaged length would swallow what follows
-        return None, 0
-    return SalvagedMessage(topic, publish_ns, sequence, values=values), end
+        values = fmt.TYPES[topic].decode(data[at:end])
+    except ValueError:  # of a version with other fields
+        return None
+    if len(fmt.TYPES[topic].encode(values)) != end - at:
+        return None
+    sequence, publish_ns = _record_before(data, at)
+    return SalvagedMessage(topic, publish_ns, sequence, values=values)
 
 
-def _record_before(data: bytes, at: int) -> tuple[int, int, int, str, int]:
-    """Return kind, length of the message, number, topic and wall time of the record a message stands in."""
+def _record_before(data: bytes, at: int) -> tuple[int, int]:
+    """Return number and wall time of the record that a message stands in."""
     if at < _MESSAGE.size:
-        return 0, 0, 0, "", 0
-    kind, length, channel, sequence, _, publish_ns = _MESSAGE.unpack_from(data, at - _MESSAGE.size)
-    return kind, length - (_MESSAGE.size - 9), sequence, _TOPIC_OF_CHANNEL.get(channel, ""), publish_ns
+        return 0, 0
+    _, _, _, sequence, _, publish_ns = _MESSAGE.unpack_from(data, at - _MESSAGE.size)
+    return sequence, publish_ns

@@ -1,0 +1,134 @@
+"""Recovery: time per byte of the worst files, found by thinking and by search, from 1 to 100 MB."""
+
+from __future__ import annotations
+
+import struct
+import tempfile
+from pathlib import Path
+from random import Random
+
+from benchmarks.growth import FLAT
+from benchmarks.measurement import COST, Curve, Topic, cpu_s, figure
+from benchmarks.sample_streams import frame_rows, turning
+from firmware_protocol.codec import encode_packet
+from firmware_protocol.packets import Event, EventKind
+from firmware_protocol.serial.framing import encode_frame
+from host.errors import FileError
+from host.links.transport import Chunk
+from host.recording import format as fmt
+from host.recording.cdr import CDR_LITTLE_ENDIAN
+from host.recording.recovery import LONGEST_RAW_BYTES, MAX_CHECKED_BYTES, recover
+
+SEARCHED_BYTES = 200_000
+"""Each file that the search tries; short ones, so that it tries many."""
+SEARCHED = 200
+
+
+def raw_heads(period: int, claim: int) -> bytes:
+    """Return heads of raw messages so close that each stands in the middle of the one before, all of some length."""
+    pattern = bytearray(max(period, 8))
+    pattern[:8] = CDR_LITTLE_ENDIAN + struct.pack("<I", claim)
+    return bytes(pattern)
+
+
+def record_heads(period: int, claim: int) -> bytes:
+    """Return the head of a record of a note, wrapped around in ``period`` bytes, and of the message behind it."""
+    pattern = bytearray(period)
+    pattern[:4] = CDR_LITTLE_ENDIAN
+    channel = next(number for number, topic in enumerate(fmt.TOPICS, start=1) if topic.name == fmt.NOTE)
+    for place, byte in enumerate(struct.pack("<BQH", 5, claim + 22, channel), start=-31):
+        pattern[place % period] = byte
+    return bytes(pattern)
+
+
+def metadata(length: int) -> bytes:
+    """Return a description that is an entry of the one before."""
+    name = struct.pack("<I", len(fmt.METADATA_NAME)) + fmt.METADATA_NAME.encode()
+    return struct.pack("<I", len(name) + 4) + name + struct.pack("<I", length) + bytes(4)
+
+
+def worst_patterns() -> dict[str, bytes]:
+    """Return what is repeated in each file that is worst by thinking, by what the search has to do for it."""
+    longest = LONGEST_RAW_BYTES - fmt.RAW_HEAD_BYTES
+    event = encode_frame(encode_packet(Event(0, EventKind.BUTTON, 1)))
+    return {
+        "a head every 4 bytes": CDR_LITTLE_ENDIAN,
+        "a head every 8 bytes, the longest claims": raw_heads(8, longest),
+        "a head every 24 bytes, claims of 1 MB": raw_heads(24, 10**6),
+        "records of notes every 18 bytes, the longest claims": record_heads(18, MAX_CHECKED_BYTES),
+        "records of notes every 36 bytes, the longest claims": record_heads(36, MAX_CHECKED_BYTES),
+        "descriptions in descriptions": metadata(65_000),
+        "whole messages without data": fmt.encode_raw(Chunk(b"", 10**9)),
+        "whole messages of one byte": fmt.encode_raw(Chunk(b"\0", 10**9)),
+        "whole commands of one byte": fmt.encode_raw(Chunk(b"\0", 10**9), sent=True),
+        "whole messages of one event": fmt.encode_raw(Chunk(event, 10**9)),
+        "whole messages of a thousand events": fmt.encode_raw(Chunk(event * 1000, 10**9)),
+        "whole messages of samples, in order (no fault)": _ordinary(),
+        "whole notes": _record(fmt.TYPES[fmt.NOTE].encode({"kind": "", "text": ""})),
+    }
+
+
+def random_pattern(random: Random) -> bytes:
+    """Return a few pieces of a recording in any order: what the search for a worst file tries."""
+    pieces = [
+        CDR_LITTLE_ENDIAN,
+        raw_heads(random.randrange(8, 32), random.choice([0, 1, 256, 65_000, LONGEST_RAW_BYTES])),
+        record_heads(random.choice([18, 31, 35, 36, 40, 60]), random.choice([8, 256, 4096, MAX_CHECKED_BYTES])),
+        metadata(random.randrange(100_000)),
+        fmt.encode_raw(Chunk(random.randbytes(random.randrange(4)), 10**9), sent=random.random() < 0.5),
+        _record(fmt.TYPES[fmt.NOTE].encode({"kind": "", "text": "x" * random.randrange(9)})),
+        bytes(random.randrange(1, 9)),
+        random.randbytes(random.randrange(1, 9)),
+    ]
+    return b"".join(random.choice(pieces) for _ in range(random.randrange(1, 6)))
+
+
+def repeated(pattern: bytes, n_bytes: int) -> bytes:
+    """Return a file of so many bytes."""
+    return (pattern * (n_bytes // len(pattern) + 1))[:n_bytes]
+
+
+def measure(quick: bool = False) -> Topic:
+    """Measure everything of this topic."""
+    topic = Topic("Recovery of the worst files")
+    random = Random(11)
+    found = [(_cost(pattern, SEARCHED_BYTES), pattern) for pattern in (random_pattern(random) for _ in range(SEARCHED))]
+    patterns = worst_patterns()
+    for rank, (_, pattern) in enumerate(sorted(found, reverse=True)[:2], start=1):
+        patterns[f"worst of {SEARCHED} by search, {rank}"] = pattern
+    worst, rises = 0.0, list[float]()
+    for name, pattern in patterns.items():
+        x = [10.0**power for power in range(6, 7 if quick else 9)]
+        y = [_cost(pattern, int(n_bytes)) for n_bytes in x]
+        sizes = ", ".join(f"{n_bytes / 1e6:.0f}" for n_bytes in x)
+        topic.rows.append(figure(name, y, "µs/byte", f"{sizes} MB: {', '.join(f'{cost:.2f}' for cost in y)}"))
+        topic.curves.append(Curve(name, "bytes", "µs/byte", tuple(x), tuple(y)))
+        worst, rises = max(worst, *y), [*rises, *(later / min(y[: k + 1]) for k, later in enumerate(y))]
+    topic.rows.append(figure("the worst of all", [worst], "µs/byte"))
+    topic.rows.append(figure("largest µs/byte over the least of a shorter file", [max(rises)], "×", "", FLAT, COST))
+    return topic
+
+
+def _cost(pattern: bytes, n_bytes: int) -> float:
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "worst.mcap"
+        path.write_bytes(repeated(pattern, n_bytes))
+        return 1e6 * cpu_s(lambda: _recovered(path)) / n_bytes
+
+
+def _recovered(path: Path) -> None:
+    try:
+        recover(path, path.with_name("clean.mcap"))
+    except FileError as error:
+        assert "no whole record" in str(error), error  # noqa: PT017 - the only error that such a file may give
+
+
+def _ordinary() -> bytes:
+    """Return the chunks of 65 536 samples, after which their numbers start again."""
+    rows = frame_rows(turning(1 << 16))
+    return b"".join(fmt.encode_raw(Chunk(rows[at : at + 10].tobytes(), 10**9)) for at in range(0, len(rows), 10))
+
+
+def _record(message: bytes) -> bytes:
+    channel = next(number for number, topic in enumerate(fmt.TOPICS, start=1) if topic.name == fmt.NOTE)
+    return struct.pack("<BQHIQQ", 5, len(message) + 22, channel, 0, 0, 0) + message
