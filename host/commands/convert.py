@@ -59,9 +59,10 @@ def run(args: argparse.Namespace) -> int:
     result = None
     if kind in {"endpoints", "mat"}:
         scored = score_recording(args.file, None, reading)
-        series, result = scored.series, scored.result.to_json()
+        series, result, damage = scored.series, scored.result.to_json(), scored.damage
     else:
-        series, _ = read_recording(args.file, reading)
+        series, trial = read_recording(args.file, reading)
+        damage = () if trial is None else trial.damage
     try:
         args.out.parent.mkdir(parents=True, exist_ok=True)
         notes = write_series(series, args.out, kind, result)
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(str(error)) from error
     except OSError as error:
         raise unwritable(args.out, error) from error
-    for note in notes:
+    for note in (*damage, *notes):
         sys.stderr.write(f"rotdrift: {note}\n")
     sys.stdout.write(f"wrote {args.out}: {len(series)} samples, {FORMATS[kind][0]}\n")
     return 0

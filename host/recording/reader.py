@@ -11,11 +11,12 @@ import io
 import json
 import os
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -29,9 +30,12 @@ from host.links.transport import AnyChunk
 from host.recording import format as fmt
 from host.recording.bulk.raw_span import RawSpan, raw_spans
 from host.recording.bulk.record_runs import EvenRun, MessageRun, RecordRuns, on_channels
+from host.recording.completeness import Completeness
 
 MAX_RECORD_BYTES = 64 * 2**20
 """A longer record is damage: ours have at most 64 KiB."""
+ENDINGS = {int(Opcode.DATA_END): 4, int(Opcode.FOOTER): 20}
+"""Length of the records that end the data and the file."""
 READ_BLOCK_BYTES = 2 * 2**20
 HANDFUL_BYTES = 4096
 """So little at the end of a block waits for the next: a few records by themselves cost as much as thousands."""
@@ -169,21 +173,34 @@ class RecordingReader:
         self.damage.clear()
         if self._headless:
             self.damage.append("the recording's own description is damaged: link, date and settings are not known")
+        found = Completeness()
         with self._open() as file:
-            for kind, body, run in self._records(file):
+            for kind, body, run in self._records(file, read=found.add_bytes):
                 if run is not None:
+                    found.add_undescribed(run.not_on(self._channels))
                     channels = [channel for channel, name in self._channels.items() if name in topics]
                     if channels:
                         chosen = run.on(channels)
+                        for channel in channels:
+                            numbers = chosen.on([channel]).numbers(body)
+                            if len(numbers):
+                                found.add_messages(channel, numbers)
                         yield "", body, MessageRun(chosen.starts + _FRAME.size, chosen.ends, chosen.channels)
                 elif kind != Opcode.MESSAGE:
                     self._note_channel(kind, body)
+                    found.add_other(kind, body)
                 elif len(body) < _MESSAGE.size:
                     self.damage.append("a message shorter than its header is left out")
                 else:
-                    topic = self._channels.get(_MESSAGE.unpack_from(body)[0])
+                    channel, number, _, _ = _MESSAGE.unpack_from(body)
+                    topic = self._channels.get(channel)
+                    found.add_undescribed(topic is None)
                     if topic in topics:
+                        found.add_messages(channel, np.array([number], np.int64))
                         yield topic, body, None
+        self.damage += found.sentences({channel: name for channel, name in self._channels.items() if name in topics})
+        if not self.damage and not found.checksum_fits():
+            self.damage.append("the file is not as it was written; what was read from it is whole")
 
     def _read_header(self) -> RecordingHeader:
         with self._open() as file:
@@ -222,19 +239,25 @@ class RecordingReader:
         except _PARSE_ERRORS:
             self.damage.append("a channel record is damaged")
             return
-        self._channels[channel.id] = channel.topic
+        if self._channels.setdefault(channel.id, channel.topic) != channel.topic:
+            self.damage.append("a channel is described twice, in different ways: the first is taken")
 
     def _records(
-        self, file: io.FileIO, block_bytes: int = READ_BLOCK_BYTES
+        self,
+        file: io.FileIO,
+        block_bytes: int = READ_BLOCK_BYTES,
+        read: Callable[[memoryview | bytes], None] = lambda _: None,
     ) -> Iterator[tuple[int, memoryview, MessageRun | EvenRun | None]]:
         """Walk the records up to the footer, the end, or the first impossible length.
 
         Yields kind and body of each; or, of messages that follow each other, the block they are in and their places.
-        What is yielded is overwritten when the next is asked for.
+        What is yielded is overwritten when the next is asked for. ``read`` gets all bytes, those of a record not before
+        it is yielded, but for the end of the data: what is in front of it comes first.
         """
         continuation = io.BytesIO(self._continuation)
         buffer = memoryview(bytearray(block_bytes))
         kept = 0  # bytes at its start, of a record that ends in the next block
+        read(MCAP0_MAGIC)
         self._size = os.fstat(file.fileno()).st_size + len(self._continuation)
         self._given_bytes = 0
         while True:
@@ -242,7 +265,7 @@ class RecordingReader:
                 buffer = memoryview(bytearray(bytes(buffer[:kept]) + bytes(max(kept, block_bytes))))
             n_read = file.readinto(buffer[kept:]) or continuation.readinto(buffer[kept:])
             view = buffer[: kept + n_read]
-            offset = 0
+            offset = given = 0
             runs = RecordRuns(view, self._channels)
             while len(view) - offset >= _FRAME.size:
                 run = runs.at(offset)
@@ -261,12 +284,22 @@ class RecordingReader:
                     break
                 body = view[offset + _FRAME.size : end]
                 offset = end
-                if kind in {Opcode.DATA_END, Opcode.FOOTER}:
+                if length != ENDINGS.get(kind, length):
+                    self.damage.append("a record that should end the file has an impossible length and is left out")
+                    continue
+                if kind == Opcode.DATA_END:
+                    read(view[given : offset - _FRAME.size - length])
+                    given = offset
+                if kind == Opcode.FOOTER:
+                    behind = bytes(view[offset:]) + file.read(len(MCAP0_MAGIC)) + continuation.read(len(MCAP0_MAGIC))
+                    if behind != MCAP0_MAGIC:
+                        self.damage.append("the file does not end behind its footer: the rest is not read")
                     return
                 if kind == Opcode.CHUNK:
                     yield from ((kind, body, None) for kind, body in self._chunk_records(body))
                 else:
                     yield kind, body, None
+            read(view[given:offset])
             self._given_bytes += offset
             kept = len(view) - offset
             buffer[:kept] = bytes(view[offset:])

@@ -39,6 +39,8 @@ class ScoredRecording:
     """The score, with the path of the file left out: the same file anywhere has the same result."""
     info: Info | None = None
     """The object as it introduced itself; None for other people's files."""
+    damage: tuple[str, ...] = ()
+    """What is wrong with the file; it is among the warnings of the result too."""
 
 
 def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[OrientationSeries, RecordedTrial | None]:
@@ -96,4 +98,6 @@ def score_recording(
         raise UsageError(f"{path.name}: {error}", "choose end points or a window inside the recording") from error
     except AnalysisError as error:
         raise FileError(f"{path.name}: {error}") from error
-    return ScoredRecording(series, result, None if trial is None else trial.info)
+    return (
+        ScoredRecording(series, result) if trial is None else ScoredRecording(series, result, trial.info, trial.damage)
+    )

@@ -78,6 +78,17 @@ class MessageRun:
             return self
         return MessageRun(self.starts.take(places), self.ends.take(places), self.channels.take(places))
 
+    def not_on(self, ids: Collection[int]) -> int:
+        """Return how many are on none of these channels."""
+        known = np.zeros(1 << 16, np.bool_)
+        known[list(ids)] = True
+        return len(self.channels) - int(np.count_nonzero(known.take(self.channels)))
+
+    def numbers(self, block: memoryview) -> IntArray:
+        """Return (n,) the number in the head of each; ``block`` is where they are."""
+        numbers = np.ndarray((max(len(block) - 3, 0),), "<u4", block, strides=(1,))
+        return numbers[self.starts + (HEAD_BYTES + 2)].astype(np.int64)
+
     def places(self) -> Iterator[tuple[int, int, int]]:
         """Return channel, start and end of them, one by one."""
         return zip(self.channels.tolist(), self.starts.tolist(), self.ends.tolist(), strict=True)
@@ -101,6 +112,10 @@ class EvenRun:
     def on(self, ids: Collection[int]) -> MessageRun:
         """Return those on a few channels."""
         return EvenRun(self.pattern.on(ids), self.repeats, self.period).whole()
+
+    def not_on(self, ids: Collection[int]) -> int:
+        """Return how many are on none of these channels."""
+        return self.pattern.not_on(ids) * self.repeats
 
     def whole(self) -> MessageRun:
         """Return all of them."""

@@ -1,0 +1,250 @@
+"""Any damage to the recording of a trial: the same result, or a sentence on what is wrong with the file."""
+
+import struct
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.opcode import Opcode
+
+from analysis.scoring.result import result_text
+from host.errors import FileError
+from host.links.transport import Chunk
+from host.recording import format as fmt
+from host.recording.load import RecordedTrial, load_trial
+from host.recording.writer import RecordingWriter
+from host.results.result import score_trial
+from tests.command_line import rotdrift_here
+from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks
+
+HEAD = struct.Struct("<BQ")
+RECORD = st.floats(0, 1, exclude_max=True)
+PLACE = st.floats(0, 1)
+
+
+class Whole(NamedTuple):
+    data: bytes
+    records: list
+    trial: RecordedTrial
+
+    def __repr__(self):  # hypothesis prints it
+        return "Whole"
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A recording of a trial with commands, notes, a view and a window: its bytes, its records, its trial."""
+    path = tmp_path_factory.mktemp("whole") / "trial.mcap"
+    chunks, _ = virtual_chunks(scenario("ideal", motion={"cycles": 5, "period_s": 1.0}), chunk_s=0.02)
+    writer = RecordingWriter(path, "serial:/dev/x", WALL_NS, MONOTONIC_NS, {"cycles": 5})
+    for number, chunk in enumerate(chunks):
+        writer.add_received(chunk)
+        if number % 3 == 0:
+            writer.add_orientations(np.array([chunk.host_time_ns]), np.array([[1.0, 0, 0, 0]]), chunk.host_time_ns)
+        if number % 40 == 0:
+            writer.add_sent(b"\0command\0", chunk.host_time_ns)
+            writer.add_note("warning", f"note {number}", chunk.host_time_ns)
+    writer.add_values(fmt.ACTION, {"kind": "window-start", "time_s": 2.0}, chunks[-1].host_time_ns)
+    writer.close()
+    data = path.read_bytes()
+    return Whole(data, records_of(data), load_trial(path))
+
+
+def records_of(data):
+    """Start and end of each record, by walking the file as the format says."""
+    found, at = [], 8
+    while at < len(data) - 8:
+        end = at + HEAD.size + HEAD.unpack_from(data, at)[1]
+        found.append((at, end))
+        at = end
+    return found
+
+
+def place(data, share):
+    return min(int(share * len(data)), len(data) - 1)
+
+
+def flip(data, records, share, bits):
+    hurt = bytearray(data)
+    hurt[place(data, share)] ^= bits
+    return bytes(hurt)
+
+
+def hole(data, records, share, length):
+    at = place(data, share)
+    n = min(length, len(data) - at)
+    return data[:at] + bytes(n) + data[at + n :]
+
+
+def cut(data, records, share):
+    return data[: place(data, share)]
+
+
+def taken_out(data, records, share, length):
+    at = place(data, share)
+    return data[:at] + data[at + length :]
+
+
+def repeated(data, records, share, length):
+    at = place(data, share)
+    return data[: at + length] + data[at:]
+
+
+def of_record(change):
+    def damage(data, records, share, *more):
+        start, end = records[int(share * len(records))]
+        return data[:start] + change(data[start:end], *more) + data[end:]
+
+    damage.__name__ = change.__name__
+    return damage
+
+
+@of_record
+def another_opcode(record, kind):
+    return bytes([kind]) + record[1:]
+
+
+@of_record
+def another_channel(record, channel):
+    return record[:9] + struct.pack("<H", channel) + record[11:]
+
+
+@of_record
+def another_number(record, number):
+    return record[:11] + struct.pack("<I", number) + record[15:]
+
+
+@of_record
+def removed(record):
+    return b""
+
+
+@of_record
+def twice(record):
+    return record * 2
+
+
+@of_record
+def an_end_in_front(record, kind):
+    ending = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}[kind]
+    return HEAD.pack(kind, ending) + bytes(ending) + record
+
+
+def swapped(data, records, share):
+    index = min(int(share * len(records)), len(records) - 2)
+    (start, middle), (_, end) = records[index : index + 2]
+    return data[:start] + data[middle:end] + data[start:middle] + data[end:]
+
+
+DAMAGE = st.one_of(
+    st.tuples(st.just(flip), PLACE, st.integers(1, 255)),
+    st.tuples(st.just(hole), PLACE, st.sampled_from([1, 9, 60, 512, 4096, 50_000])),
+    st.tuples(st.just(cut), PLACE),
+    st.tuples(st.just(taken_out), PLACE, st.sampled_from([1, 9, 60, 512, 4096, 50_000])),
+    st.tuples(st.just(repeated), PLACE, st.sampled_from([1, 9, 60, 512, 4096, 50_000])),
+    st.tuples(st.just(another_opcode), RECORD, st.one_of(st.integers(0, 15), st.integers(16, 255))),
+    st.tuples(st.just(another_channel), RECORD, st.integers(0, 12)),
+    st.tuples(st.just(another_number), RECORD, st.sampled_from([0, 1, 50, 2**20, 2**32 - 1])),
+    st.tuples(st.just(removed), RECORD),
+    st.tuples(st.just(twice), RECORD),
+    st.tuples(st.just(an_end_in_front), RECORD, st.sampled_from([Opcode.DATA_END, Opcode.FOOTER])),
+    st.tuples(st.just(swapped), RECORD),
+)
+
+
+def same(one, other):
+    """Whether two trials have the same result, but for the file's name."""
+    return (
+        np.array_equal(one.series.quats_wxyz, other.series.quats_wxyz)
+        and np.array_equal(one.series.times_s, other.series.times_s)
+        and (one.losses, one.counters, one.info, one.header) == (other.losses, other.counters, other.info, other.header)
+        and repr(one.actions) == repr(other.actions)  # NaN is not equal to itself
+    )
+
+
+@settings(max_examples=600, deadline=None)
+@given(damage=DAMAGE)
+def test_any_damage_gives_the_same_trial_or_a_sentence(whole, tmp_path_factory, damage):
+    data, records, expected = whole
+    change, *how = damage
+    path = tmp_path_factory.getbasetemp() / "trial.mcap"
+    path.write_bytes(change(data, records, *how))
+    try:
+        trial = load_trial(path)
+    except FileError:  # nothing of it can be read, and that is said
+        return
+    assert trial.damage or same(trial, expected)
+    if not trial.damage:
+        assert result_text(score_trial(trial)) == result_text(score_trial(expected))
+
+
+def received(whole, number):
+    """Index of the n-th record of received data."""
+    data, records, _ = whole
+    return [k for k, (at, _) in enumerate(records) if data[at] == 5 and data[at + 9 : at + 11] == b"\1\0"][number]
+
+
+def hurt_at(whole, path, change, number, *more):
+    data, records, _ = whole
+    path.write_bytes(change(data, records, (received(whole, number) + 0.5) / len(records), *more))
+    return load_trial(path)
+
+
+@pytest.mark.parametrize("kind", [0, 2, 3, 7, 9, 11, 13, 14, 15, 16, 200])
+def test_a_record_of_another_kind_is_missing_from_the_file_and_not_lost_on_the_link(whole, tmp_path, kind):
+    trial = hurt_at(whole, tmp_path / "hurt.mcap", another_opcode, 100, kind)
+    assert trial.losses.missing > 0
+    missing = [sentence for sentence in trial.damage if sentence.startswith("1 record of /raw/received is missing")]
+    assert len(missing) == 1
+    assert "not on the link" in missing[0]
+
+
+def test_the_last_record_is_missed_by_the_statistics(whole, tmp_path):
+    trial = hurt_at(whole, tmp_path / "hurt.mcap", removed, -1)
+    data, records, _ = whole
+    n = sum(data[at] == 5 and data[at + 9] == 1 for at, _ in records)
+    assert f"the file states {n} records of /raw/received and holds {n - 1}: damaged in the file" in trial.damage
+
+
+def test_a_hole_of_zeros_is_counted(whole, tmp_path):
+    data, records, _ = whole
+    first, last = records[received(whole, 50)][0], records[received(whole, 80)][0]
+    path = tmp_path / "hurt.mcap"
+    path.write_bytes(data[:first] + bytes((last - first) // 9 * 9) + data[last - (last - first) % 9 :])
+    damage = load_trial(path).damage
+    assert any("of no kind that the format knows" in sentence for sentence in damage)
+
+
+def test_what_no_result_rests_on_is_reported_by_the_checksum(whole, tmp_path):
+    data, records, expected = whole
+    view = next(at for at, _ in records if data[at] == 5 and data[at + 9] == 3)
+    path = tmp_path / "hurt.mcap"
+    path.write_bytes(data[: view + 80] + bytes([data[view + 80] ^ 1]) + data[view + 81 :])
+    trial = load_trial(path)
+    assert same(trial, expected)
+    assert trial.damage == ("the file is not as it was written; what was read from it is whole",)
+
+
+def test_numbers_that_another_tool_left_out_are_no_damage(tmp_path):
+    import mcap.writer
+
+    path = tmp_path / "rewritten.mcap"
+    with path.open("wb") as file:
+        out = mcap.writer.Writer(file, enable_data_crcs=True)
+        out.start()
+        channel = out.register_channel(fmt.RECEIVED, "cdr", 0)
+        for number in range(30):
+            out.add_message(channel, number, fmt.encode_raw(Chunk(b"data", number)), number)
+        out.finish()
+    trial = load_trial(path)
+    assert trial.damage == ("the recording's own description is damaged: link, date and settings are not known",)
+
+
+@pytest.mark.parametrize("command", ["score", "replay", "convert"])
+def test_commands_report_what_is_damaged(whole, tmp_path, command):
+    path = tmp_path / "hurt.mcap"
+    hurt_at(whole, path, removed, 100)
+    done = rotdrift_here(command, path, *([tmp_path / "out.csv"] if command == "convert" else []))
+    assert "1 record of /raw/received is missing from the file" in " ".join((done.stdout + done.stderr).split())
