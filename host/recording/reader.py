@@ -175,7 +175,7 @@ class RecordingReader:
             self.damage.append("the recording's own description is damaged: link, date and settings are not known")
         found = Completeness()
         with self._open() as file:
-            for kind, body, run in self._records(file, read=found.add_bytes):
+            for kind, body, run in self._records(file, on_bytes=found.add_bytes):
                 if run is not None:
                     found.add_undescribed(run.not_on(self._channels))
                     channels = [channel for channel, name in self._channels.items() if name in topics]
@@ -246,18 +246,18 @@ class RecordingReader:
         self,
         file: io.FileIO,
         block_bytes: int = READ_BLOCK_BYTES,
-        read: Callable[[memoryview | bytes], None] = lambda _: None,
+        on_bytes: Callable[[memoryview | bytes], None] = lambda _: None,
     ) -> Iterator[tuple[int, memoryview, MessageRun | EvenRun | None]]:
         """Walk the records up to the footer, the end, or the first impossible length.
 
         Yields kind and body of each; or, of messages that follow each other, the block they are in and their places.
-        What is yielded is overwritten when the next is asked for. ``read`` gets all bytes, those of a record not before
-        it is yielded, but for the end of the data: what is in front of it comes first.
+        What is yielded is overwritten when the next is asked for. ``on_bytes`` is called with every byte of the file, in
+        order, many records at a time; with all in front of the end of the data before that is yielded.
         """
         continuation = io.BytesIO(self._continuation)
         buffer = memoryview(bytearray(block_bytes))
         kept = 0  # bytes at its start, of a record that ends in the next block
-        read(MCAP0_MAGIC)
+        on_bytes(MCAP0_MAGIC)
         self._size = os.fstat(file.fileno()).st_size + len(self._continuation)
         self._given_bytes = 0
         while True:
@@ -265,7 +265,7 @@ class RecordingReader:
                 buffer = memoryview(bytearray(bytes(buffer[:kept]) + bytes(max(kept, block_bytes))))
             n_read = file.readinto(buffer[kept:]) or continuation.readinto(buffer[kept:])
             view = buffer[: kept + n_read]
-            offset = given = 0
+            offset = passed_on = 0
             runs = RecordRuns(view, self._channels)
             while len(view) - offset >= _FRAME.size:
                 run = runs.at(offset)
@@ -288,8 +288,8 @@ class RecordingReader:
                     self.damage.append("a record that should end the file has an impossible length and is left out")
                     continue
                 if kind == Opcode.DATA_END:
-                    read(view[given : offset - _FRAME.size - length])
-                    given = offset
+                    on_bytes(view[passed_on : offset - _FRAME.size - length])
+                    passed_on = offset
                 if kind == Opcode.FOOTER:
                     behind = bytes(view[offset:]) + file.read(len(MCAP0_MAGIC)) + continuation.read(len(MCAP0_MAGIC))
                     if behind != MCAP0_MAGIC:
@@ -299,7 +299,7 @@ class RecordingReader:
                     yield from ((kind, body, None) for kind, body in self._chunk_records(body))
                 else:
                     yield kind, body, None
-            read(view[given:offset])
+            on_bytes(view[passed_on:offset])
             self._given_bytes += offset
             kept = len(view) - offset
             buffer[:kept] = bytes(view[offset:])
