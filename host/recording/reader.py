@@ -251,8 +251,8 @@ class RecordingReader:
         """Walk the records up to the footer, the end, or the first impossible length.
 
         Yields kind and body of each; or, of messages that follow each other, the block they are in and their places.
-        What is yielded is overwritten when the next is asked for. ``on_bytes`` is called with every byte of the file, in
-        order, many records at a time; with all in front of the end of the data before that is yielded.
+        What is yielded is overwritten when the next is asked for. ``on_bytes`` is called with all bytes, in order, many
+        records at a time; with those in front of the end of the data before that is yielded.
         """
         continuation = io.BytesIO(self._continuation)
         buffer = memoryview(bytearray(block_bytes))

@@ -8,6 +8,7 @@ out, what comes after it is found all the same. Whatever the bytes claim, the se
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import zlib
 from collections import Counter
@@ -228,20 +229,17 @@ def _find_messages(data: bytes) -> Iterator[SalvagedMessage]:
     """
     view, done = memoryview(data), 0
     for first in range(0, len(data), SEARCH_BLOCK_BYTES):
-        block = view[first : first + SEARCH_BLOCK_BYTES + LONGEST_RAW_BYTES]
-        heads = np.flatnonzero(_numbers(block, "<u4") == _ENCAPSULATION)
-        # What starts behind this block is found with the next. The record in front of a message may be in the last one.
-        heads = heads[heads < SEARCH_BLOCK_BYTES]
-        found = [(first + at, first + end, "") for at, end in _whole_raw(block, heads)]
-        before = min(first, _MESSAGE.size)
-        block = view[first - before : first + SEARCH_BLOCK_BYTES + LONGEST_RAW_BYTES]
+        base = max(first - _MESSAGE.size, 0)  # the record in front of the first message
+        block = view[base : first + SEARCH_BLOCK_BYTES + LONGEST_RAW_BYTES]
+        heads = np.flatnonzero(_numbers(block, "<u4") == _ENCAPSULATION) + base
+        heads = heads[(heads >= first) & (heads < first + SEARCH_BLOCK_BYTES)] - base
+        found = [(at, end, "") for at, end in _whole_raw(block, heads)]
         for number, topic in _KEPT.items():
-            places = _whole_checked(block, heads + before, number, fmt.TYPES[topic])
-            found += [(first - before + at, first - before + end, topic) for at, end in places]
+            found += [(at, end, topic) for at, end in _whole_checked(block, heads, number, fmt.TYPES[topic])]
         for at, end, topic in sorted(found):
-            if at >= done:
-                done = end
-                message = _checked_at(data, at, end, topic) if topic else _raw_at(data, at, end)
+            if base + at >= done:
+                done = base + end
+                message = _message_at(data, base + at, done, topic)
                 if message is not None:
                     yield message
 
@@ -281,31 +279,14 @@ def _whole_checked(block: memoryview, heads: IntArray, channel: int, kind: RosMe
     return zip(heads[fits].tolist(), ends[fits].tolist(), strict=True)
 
 
-def _raw_at(data: bytes, at: int, end: int) -> SalvagedMessage | None:
-    for topic in (fmt.RECEIVED, fmt.SENT):
-        try:
-            chunk = fmt.decode_raw(data[at:end], topic)
-        except fmt.DamagedMessageError:
-            continue
-        sequence, publish_ns = _record_before(data, at)
-        return SalvagedMessage(topic, publish_ns, sequence, chunk)
+def _message_at(data: bytes, at: int, end: int, topic: str) -> SalvagedMessage | None:
+    """Read a message whose CRC fits, a raw one without a topic; the record around it has its number and wall time."""
+    sequence, publish_ns = 0, 0
+    if at >= _MESSAGE.size:
+        _, _, _, sequence, _, publish_ns = _MESSAGE.unpack_from(data, at - _MESSAGE.size)
+    for name in [topic] if topic else [fmt.RECEIVED, fmt.SENT]:
+        with contextlib.suppress(ValueError):  # the other raw topic; or a version with other fields
+            if topic:
+                return SalvagedMessage(topic, publish_ns, sequence, values=fmt.TYPES[topic].decode(data[at:end]))
+            return SalvagedMessage(name, publish_ns, sequence, fmt.decode_raw(data[at:end], name))
     return None
-
-
-def _checked_at(data: bytes, at: int, end: int, topic: str) -> SalvagedMessage | None:
-    try:
-        values = fmt.TYPES[topic].decode(data[at:end])
-    except ValueError:  # of a version with other fields
-        return None
-    if len(fmt.TYPES[topic].encode(values)) != end - at:
-        return None
-    sequence, publish_ns = _record_before(data, at)
-    return SalvagedMessage(topic, publish_ns, sequence, values=values)
-
-
-def _record_before(data: bytes, at: int) -> tuple[int, int]:
-    """Return number and wall time of the record that a message stands in."""
-    if at < _MESSAGE.size:
-        return 0, 0
-    _, _, _, sequence, _, publish_ns = _MESSAGE.unpack_from(data, at - _MESSAGE.size)
-    return sequence, publish_ns

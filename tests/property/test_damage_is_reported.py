@@ -198,7 +198,7 @@ def test_a_record_of_another_kind_is_missing_from_the_file_and_not_lost_on_the_l
     assert trial.losses.missing > 0
     missing = [sentence for sentence in trial.damage if sentence.startswith("1 record of /raw/received is missing")]
     assert len(missing) == 1
-    assert "not on the link" in missing[0]
+    assert "not lost on the link" in missing[0]
 
 
 def test_the_last_record_is_missed_by_the_statistics(whole, tmp_path):
