@@ -95,7 +95,8 @@ class Completeness:
             missing = disordered = 0
         if missing and stated != read:
             what = f"1 record of {topic} is" if missing == 1 else f"{missing} records of {topic} are"
-            return [f"{what} missing from the file: damaged there, not lost on the link"]
+            why = "damaged there, not lost on the link, where the losses count what it held"
+            return [f"{what} missing from the file: {why}"]
         if stated != read and self._stated is not None:
             return [f"the file states {stated} records of {topic} and holds {read}: damaged in the file"]
         if missing or disordered:
