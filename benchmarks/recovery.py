@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import struct
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from random import Random
 
 from benchmarks.growth import FLAT
 from benchmarks.measurement import COST, Curve, Topic, cpu_s, figure
-from benchmarks.sample_streams import frame_rows, turning
+from benchmarks.sample_streams import FRAME_BYTES, frame_rows, turning
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Event, EventKind
 from firmware_protocol.serial.framing import encode_frame
@@ -22,6 +24,8 @@ from host.recording.recovery import LONGEST_RAW_BYTES, MAX_CHECKED_BYTES, recove
 SEARCHED_BYTES = 200_000
 """Each file that the search tries; short ones, so that it tries many."""
 SEARCHED = 200
+PERIOD_US = 5000
+_BLOCK = 1 << 16
 LARGEST = 2
 """Of so many, the dearest, there is a file of 100 MB."""
 
@@ -65,7 +69,6 @@ def worst_patterns() -> dict[str, bytes]:
         "whole commands of one byte": fmt.encode_raw(Chunk(b"\0", 10**9), sent=True),
         "whole messages of one event": fmt.encode_raw(Chunk(event, 10**9)),
         "whole messages of a thousand events": fmt.encode_raw(Chunk(event * 1000, 10**9)),
-        "whole messages of samples, in order (no fault)": _ordinary(),
         "whole notes": _record(fmt.TYPES[fmt.NOTE].encode({"kind": "", "text": ""})),
     }
 
@@ -94,16 +97,19 @@ def measure(quick: bool = False) -> Topic:
     """Measure everything of this topic."""
     topic = Topic("Recovery of the worst files")
     random = Random(11)
-    found = [(_cost(pattern, SEARCHED_BYTES), pattern) for pattern in (random_pattern(random) for _ in range(SEARCHED))]
+    tried = [random_pattern(random) for _ in range(SEARCHED)]
+    found = [(_cost(repeated(pattern, SEARCHED_BYTES)), pattern) for pattern in tried]
     patterns = worst_patterns()
     for rank, (_, pattern) in enumerate(sorted(found, reverse=True)[:2], start=1):
         patterns[f"worst of {SEARCHED} by search, {rank}"] = pattern
-    costs = {name: [_cost(pattern, 10**6)] for name, pattern in patterns.items()}
+    files: dict[str, Callable[[int], bytes]] = {name: partial(repeated, pattern) for name, pattern in patterns.items()}
+    files["whole messages of one sample, in order"] = faultless
+    costs = {name: [_cost(content(10**6))] for name, content in files.items()}
     if not quick:
-        for name, pattern in patterns.items():
-            costs[name].append(_cost(pattern, 10**7))
+        for name, content in files.items():
+            costs[name].append(_cost(content(10**7)))
         for name in sorted(costs, key=lambda name: -costs[name][1])[:LARGEST]:
-            costs[name].append(_cost(patterns[name], 10**8))
+            costs[name].append(_cost(files[name](10**8)))
     for name, cost in costs.items():
         each = ", ".join(f"{10**power} MB: {value:.2g}" for power, value in enumerate(cost))
         topic.rows.append(figure(name, cost, "µs/byte", each))
@@ -118,11 +124,11 @@ def measure(quick: bool = False) -> Topic:
     return topic
 
 
-def _cost(pattern: bytes, n_bytes: int) -> float:
+def _cost(content: bytes) -> float:
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "worst.mcap"
-        path.write_bytes(repeated(pattern, n_bytes))
-        return 1e6 * cpu_s(lambda: _recovered(path)) / n_bytes
+        path.write_bytes(content)
+        return 1e6 * cpu_s(lambda: _recovered(path)) / len(content)
 
 
 def _recovered(path: Path) -> None:
@@ -132,10 +138,15 @@ def _recovered(path: Path) -> None:
         assert "no whole record" in str(error), error  # noqa: PT017 - the only error that such a file may give
 
 
-def _ordinary() -> bytes:
-    """Return the chunks of 65 536 samples, after which their numbers start again."""
-    rows = frame_rows(turning(1 << 16))
-    return b"".join(fmt.encode_raw(Chunk(rows[at : at + 10].tobytes(), 10**9)) for at in range(0, len(rows), 10))
+def faultless(n_bytes: int) -> bytes:
+    """Return whole messages of one sample each, all in order: what costs most to copy, as all of it is decoded."""
+    size = len(fmt.encode_raw(Chunk(bytes(FRAME_BYTES), 0)))
+    quats, content = turning(_BLOCK), bytearray()
+    for first in range(0, n_bytes // size, _BLOCK):
+        rows = frame_rows(quats, first, PERIOD_US)
+        times_ns = range(10**9 + first * PERIOD_US * 1000, 2**63, PERIOD_US * 1000)
+        content += b"".join(fmt.encode_raw(Chunk(row.tobytes(), at)) for row, at in zip(rows, times_ns, strict=False))
+    return bytes(content[:n_bytes])
 
 
 def _record(message: bytes) -> bytes:
