@@ -5,6 +5,7 @@ A dozen ship with the package; ``docs/emulator.md`` lists every key. A scenario 
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from dataclasses import dataclass, replace
 from importlib import resources
@@ -89,9 +90,10 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         return _parse(data, path.stem, str(path))
     shipped = _shipped()
     if name not in shipped:
-        raise ScenarioError(
-            f"unknown scenario {name!r}: choose one of {', '.join(sorted(shipped))}, or give the path of a .toml file"
-        )
+        near = difflib.get_close_matches(name, shipped, n=1)
+        guess = f"did you mean {near[0]}? There are" if near else "choose one of"
+        names = ", ".join(sorted(shipped))
+        raise ScenarioError(f"unknown scenario {name!r}: {guess} {names}, or give the path of a .toml file")
     return _parse(shipped[name].read_bytes(), name, f"scenario {name}")
 
 

@@ -13,30 +13,27 @@ import sys
 import traceback
 from collections.abc import Sequence
 from types import ModuleType
-from typing import NoReturn
 
+from host.command_line.parser import Parser
 from host.commands import COMMANDS
 from host.errors import HostError, unreadable
 from host.version import VERSION
 
+CONFIGURED = {"capture", "baseline", "replay", "report"}
+"""Commands that may have defaults of the user and the project."""
 INTERNAL_ERROR = 70
 INTERRUPTED = 130
 
 EPILOG = """\
+help:        rotdrift help COMMAND
 links:       serial:/dev/ttyACM0   serial:COM3
              serial:socket://127.0.0.1:5000
-             can:socketcan:can0   replay:trial.mcap
+             can:socketcan:can0   can:slcan:/dev/ttyACM0
+             can:socketcand:HOST:29536/can0
+             can:udp_multicast:239.74.163.2   replay:trial.mcap
 exit codes:  0 done   1 ran, but the result is not valid   2 wrong use
              3 device or link   4 file
 """
-
-
-class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors look like all others: one sentence with a remedy, on stderr, exit code 2."""
-
-    def error(self, message: str) -> NoReturn:
-        """Print what is wrong with the arguments, and exit."""
-        self.exit(2, f"rotdrift: {message}; see `{self.prog} --help`\n")
 
 
 def build_parser() -> Parser:
@@ -47,7 +44,7 @@ def build_parser() -> Parser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"rotdrift {VERSION}")
+    parser.add_argument("-V", "--version", action="version", version=f"rotdrift {VERSION}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     subparsers: argparse._SubParsersAction[argparse.ArgumentParser] = parser.add_subparsers(
         dest="command", metavar="COMMAND", required=True, parser_class=Parser
@@ -67,18 +64,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _make_output_safe()
     at_terminal = _at_terminal()
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words  # until the arguments are parsed
     try:
-        parser = build_parser()
-        args, unknown = parser.parse_known_args(arguments)
-        if unknown:
-            parser.prog = f"rotdrift {args.command}"  # its --help lists them
-            parser.error(f"unrecognized arguments: {' '.join(unknown)}")
-    except SystemExit as leaving:  # argparse leaves after --help, --version and errors
-        return leaving.code if isinstance(leaving.code, int) else 0
-    debug: bool = args.debug
-    try:
+        args = _parse(words)
+        debug = args.debug
         code: int = _command(args.command).run(args)
         sys.stdout.flush()
+    except SystemExit as leaving:  # argparse leaves after --help, --version and errors
+        return leaving.code if isinstance(leaving.code, int) else 0
     except HostError as error:
         return _report(error, str(error), error.exit_code, debug)
     except KeyboardInterrupt as error:
@@ -100,6 +94,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
         message = f"internal error ({type(error).__name__}: {error}): run again with --debug and report it"
         return _report(error, message, INTERNAL_ERROR, debug)
     return code
+
+
+def _parse(words: list[str]) -> argparse.Namespace:
+    """Return the arguments, with the defaults of user and project for what was not given."""
+    if words[:1] == ["help"]:
+        words = [*words[1:2], "--help"]
+    parser = build_parser()
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
+        from host.commands.completion import complete
+
+        complete(parser)
+    if not words:
+        parser.print_help()
+        parser.exit()
+    args, unknown = parser.parse_known_args(words)
+    (subparsers,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    command: Parser = subparsers.choices[args.command]
+    if unknown:
+        command.refuse_unknown(unknown)
+    if args.command in CONFIGURED:
+        from host.command_line.configuration import defaults_for
+
+        command.set_defaults(**defaults_for(args.command))
+        args = parser.parse_args(words)
+    return args
 
 
 def _command(name: str) -> ModuleType:

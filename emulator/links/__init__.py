@@ -40,6 +40,9 @@ class Link(ABC):
     virtual_time: bool = False
     """True for a link without a live other end: the run then goes as fast as it can."""
 
+    same_process: bool = False
+    """True for a link that ends in this process: no other program can reach it."""
+
     @property
     @abstractmethod
     def host_uri(self) -> str:

@@ -7,6 +7,7 @@ A reader that has it open but does not read fills the kernel's buffer, after whi
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import select
 import stat
@@ -76,6 +77,8 @@ class PtyLink(ByteLink):
             raise LinkError(f"{path} exists and is not a symbolic link: choose another path")
         if path.exists() and not stat.S_ISCHR(path.stat().st_mode):
             raise LinkError(f"{path} is a symbolic link to something that is not a device: choose another path")
+        if _in_use(path):
+            raise LinkError(f"{path} is the device of another virtual object: choose another path, or end that one")
 
     def _make_symlink(self) -> None:
         if self.symlink is None:
@@ -147,3 +150,12 @@ class PtyLink(ByteLink):
                 select.select([self._master], [], [], max(timeout_s, 0.0))
         else:  # POLLHUP is always ready: poll would return at once and make a busy loop
             time.sleep(max(min(timeout_s, _IDLE_POLL_S), 0.0))
+
+
+def _in_use(device: Path) -> bool:
+    """Return whether the other side of a pseudo-terminal is open; after a crash its link stays behind, without one."""
+    try:
+        os.close(os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
+    except OSError as error:
+        return error.errno == errno.EBUSY  # a capture has it for itself
+    return True

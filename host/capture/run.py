@@ -160,6 +160,7 @@ def record(
         }
         if transport.interface_name:
             described["interface"] = transport.interface_name
+        made_for_it = [folder for folder in recording_path.parents if not folder.exists()]
         writer = RecordingWriter(recording_path, transport.name, wall_ns, monotonic_ns, described)
         until_captured.callback(writer.close)
         trial = Trial(transport.node, settings.until_half_width_deg, baseline)
@@ -174,6 +175,8 @@ def record(
         if not isinstance(outcome.error, InternalError):  # so that the next try may have its name
             with contextlib.suppress(OSError):
                 recording_path.unlink()
+                for folder in made_for_it:
+                    folder.rmdir()
         raise outcome.error or LinkError(
             f"the capture ended before the first sample ({outcome.reason})", "wait until the object streams"
         )

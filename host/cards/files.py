@@ -21,11 +21,11 @@ TOLERANCE = 0.05
 """Differences up to this, g or mm, are rounding: the object sends float32."""
 
 
-def find_cards(recording: Path, given: Sequence[Path] = ()) -> Cards:
+def find_cards(recording: Path, given: Sequence[Path] = (), defaults: Sequence[Path] = ()) -> Cards:
     """Return the cards of a recording.
 
     The order is: the files given, which must exist; ``<stem>.toml`` beside the recording; :data:`CARD_FILES` beside it;
-    the same in the folder above. Each field comes from the first file that has it.
+    the same in the folder above; the ``defaults``, which must exist. Each field comes from the first file that has it.
 
     Raises
     ------
@@ -35,11 +35,12 @@ def find_cards(recording: Path, given: Sequence[Path] = ()) -> Cards:
     folders = (recording.parent, recording.parent.parent) if recording.parent.name else (recording.parent,)
     candidates = [*given, recording.with_suffix(".toml")]
     candidates += [folder / name for folder in folders for name in CARD_FILES]
+    candidates += defaults
     cards = Cards()
     for path in candidates:
         if path.is_file():
             cards = merged(cards, load_cards(path))
-        elif path in given:
+        elif path in given or path in defaults:
             raise FileError(f"there is no card {path}", "check the path, or make one with `rotdrift init`")
     return cards
 

@@ -24,6 +24,8 @@ COMMANDS = (
     "convert",
     "recover",
     "doctor",
+    "config",
+    "completion",
 )
 """Subcommands in the order of the help."""
 

@@ -32,7 +32,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         ),
         epilog="example: rotdrift baseline serial:/dev/ttyACM0 --duration 120 --out imu.toml",
     )
-    parser.add_argument("source", metavar="LINK|FILE", help="link to the object, or a recording of it at rest")
+    parser.add_argument(
+        "source",
+        metavar="LINK|FILE",
+        nargs="?",
+        help="link to the object (default: `rotdrift config link`), or a recording of it at rest",
+    )
     parser.add_argument("--out", type=Path, metavar="FILE", help="file to write (default: print only)")
     parser.add_argument(
         "--duration", type=seconds, metavar="S", help=f"how long to listen (default: {DEFAULT_DURATION_S:.0f} s)"
@@ -56,8 +61,10 @@ def run(args: argparse.Namespace) -> int:
     from analysis.sensor.baseline import measure_baseline
     from analysis.sensor.baseline_file import save_baseline
     from analysis.series import BaselineError
-    from host.errors import HostError, already_there, unwritable
+    from host.errors import HostError, UsageError, already_there, unwritable
 
+    if args.source is None:
+        raise UsageError("a baseline needs a LINK or a FILE", "`rotdrift ports` lists the links")
     if args.out is not None and args.out.exists():
         raise already_there(args.out)
     path = Path(args.source)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,9 @@ if TYPE_CHECKING:
     from host.capture.settings import CaptureSettings
     from host.results.result import ScoreOptions
     from host.screen.screens import Screen
+
+ANOTHER_KIND = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,7}")
+"""Ending of another kind of file; ``run_0.5`` has none."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -29,8 +33,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "link",
         metavar="LINK",
-        nargs="+",
-        help="serial:/dev/ttyACM0, serial:COM3, serial:socket://HOST:PORT, ...; several: as many objects at once",
+        nargs="*",
+        help="serial:/dev/ttyACM0, serial:COM3, serial:socket://HOST:PORT, can:INTERFACE:CHANNEL, ...; several: as "
+        "many objects at once (default: `rotdrift config link`)",
     )
     parser.add_argument("--cycles", type=_whole, metavar="N", help="end after N cycles")
     parser.add_argument("--duration", type=seconds, metavar="S", help="end S seconds after the first sample")
@@ -46,7 +51,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--ascii", action="store_true", help="draw with ASCII only")
     parser.add_argument("--theme", choices=("auto", "dark", "light"), default="auto", help="background of the terminal")
     parser.add_argument("--plain", action="store_true", help="a line per cycle in place of the dashboard")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="recording to write (default: rotdrift-trials/DATE)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="recording to write (default: DATE in --folder)")
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        metavar="DIR",
+        help="where recordings go (default: rotdrift-trials; `rotdrift config folder`)",
+    )
     parser.add_argument("--rate", type=_whole, metavar="HZ", help="orientation rate to ask the object for, 10-1000")
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor, for the score")
     parser.add_argument(
@@ -66,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
 
     from analysis.scoring.result import result_text
     from host.capture.guide import GuideSettings
-    from host.capture.run import default_recording, run_capture
+    from host.capture.run import DEFAULT_FOLDER, default_recording, run_capture
     from host.capture.settings import CaptureSettings
     from host.errors import UsageError
     from host.results.result import ScoreOptions
@@ -76,8 +87,16 @@ def run(args: argparse.Namespace) -> int:
 
     if args.rate is not None and not 10 <= args.rate <= 1000:
         raise UsageError(f"an object streams at 10 to 1000 Hz, not at {args.rate} Hz", "give another --rate")
-    recording = args.out or default_recording(datetime.now().astimezone())
+    links = [args.link] if isinstance(args.link, str) else args.link  # one text: the default of a configuration
+    if not links:
+        raise UsageError("a capture needs a LINK", "`rotdrift ports` lists them; `rotdrift config link LINK` keeps one")
+    recording = args.out or default_recording(datetime.now().astimezone(), args.folder or DEFAULT_FOLDER)
     if recording.suffix != ".mcap":
+        if ANOTHER_KIND.fullmatch(recording.suffix):
+            raise UsageError(
+                f"{recording.name} is not a name for a recording",
+                "end it in .mcap; `rotdrift convert` writes other formats",
+            )
         recording = recording.with_name(recording.name + ".mcap")
     settings = CaptureSettings(
         cycles=args.cycles,
@@ -90,10 +109,10 @@ def run(args: argparse.Namespace) -> int:
     )
     screen = open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, args.bell, args.plain))
     options = ScoreOptions(baseline=args.baseline)
-    if len(args.link) > 1:
-        return _run_several(args, recording, settings, screen, options)
+    if len(links) > 1:
+        return _run_several(links, args.json, recording, settings, screen, options)
     with stop_on_signals() as stop:
-        finished = run_capture(args.link[0], recording, settings, screen, stop, options)
+        finished = run_capture(links[0], recording, settings, screen, stop, options)
     if args.json:
         sys.stdout.write(result_text(finished.score))
     else:
@@ -114,7 +133,12 @@ def _print(finished: FinishedCapture) -> None:
 
 
 def _run_several(
-    args: argparse.Namespace, recording: Path, settings: CaptureSettings, screen: Screen, options: ScoreOptions
+    links: list[str],
+    as_json: bool,
+    recording: Path,
+    settings: CaptureSettings,
+    screen: Screen,
+    options: ScoreOptions,
 ) -> int:
     """Capture several objects at once, each with a recording of its own."""
     from analysis.scoring.result import result_text
@@ -124,10 +148,10 @@ def _run_several(
 
     if settings.debug_link is not None:
         raise UsageError("--debug-link writes down one link", "capture one object at a time with it")
-    paths = [recording.with_stem(f"{recording.stem}-{number}") for number in range(1, len(args.link) + 1)]
+    paths = [recording.with_stem(f"{recording.stem}-{number}") for number in range(1, len(links) + 1)]
     with stop_on_signals() as stop:
-        outcomes = capture_several(args.link, paths, settings, screen, stop, options)
-    if args.json:
+        outcomes = capture_several(links, paths, settings, screen, stop, options)
+    if as_json:
         results = [
             {"link": item.link, "error": item.error and str(item.error), "result": item.result} for item in outcomes
         ]
@@ -136,7 +160,7 @@ def _run_several(
         finished = item.finished
         if finished is None:
             sys.stderr.write(f"rotdrift: {item.link}: {item.error}\n")
-        elif not args.json:
+        elif not as_json:
             sys.stdout.write(f"\n{item.link}\n")
             sys.stdout.flush()
             _print(finished)

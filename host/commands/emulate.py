@@ -29,7 +29,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--link",
         metavar="LINK",
-        help="needed: pty:PATH (the device to make), tcp:PORT here, file:PATH (bytes, in virtual time), can:...",
+        help="needed: pty:PATH (the device to make), tcp:PORT here, file:PATH (bytes, in virtual time), "
+        "can:slcan:pty, can:socketcand:PORT, can:udp_multicast:239.74.163.2, can:INTERFACE:CHANNEL",
     )
     parser.add_argument("--truth", metavar="FILE", help="write what really happened, as JSON")
     parser.add_argument("--duration", type=float, metavar="S", help="end after S seconds")
@@ -81,6 +82,11 @@ def run(args: argparse.Namespace) -> int:
         sys.stderr.write(
             f"note: {', '.join(without_effect)} of the scenario have no effect on CAN: its controllers find damaged "
             "frames and send them again; to lose frames, set drop_probability\n"
+        )
+    if link.same_process:
+        sys.stderr.write(
+            "note: a virtual bus ends in this process, so no other program can reach the object: for one on this "
+            "machine, use can:udp_multicast:239.74.163.2 or can:slcan:pty\n"
         )
     try:
         with stop_on_signals() as stop:

@@ -38,6 +38,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--cards", type=Path, action="append", default=[], metavar="FILE", help="card file for all trials"
     )
+    parser.add_argument(
+        "--hand", type=Path, metavar="FILE", help="hand card where none is beside a recording (`rotdrift config hand`)"
+    )
     parser.add_argument("--title", metavar="TEXT", help="title of the report")
     parser.add_argument("--force", action="store_true", help="replace the file that exists")
     parser.add_argument("--endpoints", metavar="ROWS|FILE", help="end points chosen by hand (one trial only)")
@@ -102,7 +105,7 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
         raise UsageError(str(error)) from error
     baselines = (path.with_suffix(".baseline.toml"), path.parent / "baseline.toml")
     baseline = args.baseline or next(filter(Path.is_file, baselines), None)
-    cards = find_cards(path, args.cards)
+    cards = find_cards(path, args.cards, [args.hand] if args.hand else [])
     return load_source(path, cards, choices, baseline)
 
 

@@ -78,9 +78,8 @@ def test_a_command_reads_the_arguments_that_it_declares_and_no_others(name):
 @pytest.mark.parametrize(
     "arguments",
     [
-        [],
         ["nonsense"],
-        ["capture"],
+        ["score"],
         ["capture", "/dev/null", "--cycles", "0"],
         ["capture", "/dev/null", "--cycles", "many"],
         ["capture", "/dev/null", "--duration", "-1"],

@@ -45,6 +45,7 @@ class PythonCanLink(Link):
 
     def __init__(self, address: CanAddress) -> None:
         self.address = address
+        self.same_process = address.interface == "virtual"
         self.object_end = CanObject(address.node, address.fd)
         self._bus: can.BusABC | None = None
         self._unsent: list[CanFrame] = []
