@@ -218,16 +218,38 @@ def test_symbolic_links_and_files_at_the_path(tmp_path):
         run(load_scenario("static"), open_link(f"pty:{tmp_path}/no/folder"), duration_s=0.0)
 
 
-def test_a_link_that_another_run_has_taken_over_is_left_to_it(tmp_path):
+def test_a_name_that_another_object_has_is_refused(tmp_path):
     path = tmp_path / "object"
     first, second = open_link(f"pty:{path}"), open_link(f"pty:{path}")
     first.open()
-    second.open()
-    taken_over = path.readlink()
+    taken = path.readlink()
+    with pytest.raises(LinkError, match="the device of another virtual object"):
+        second.open()
+    assert path.readlink() == taken
     first.close()
-    assert path.readlink() == taken_over
+    second.open()
     second.close()
     assert not os.path.lexists(path)
+
+
+def test_a_name_left_behind_by_a_crash_is_used_again(tmp_path):
+    path = tmp_path / "object"
+    primary, secondary = os.openpty()
+    path.symlink_to(os.ttyname(secondary))
+    os.close(primary)
+    os.close(secondary)
+    with open_link(f"pty:{path}"):
+        assert path.exists()
+
+
+def test_a_name_that_leads_elsewhere_meanwhile_is_left_there(tmp_path):
+    path = tmp_path / "object"
+    link = open_link(f"pty:{path}")
+    link.open()
+    path.unlink()
+    path.symlink_to("/dev/null")
+    link.close()
+    assert str(path.readlink()) == "/dev/null"
 
 
 def test_unplug_and_replug_keep_the_name(tmp_path):
