@@ -5,34 +5,20 @@ A test compares the document with what this makes.
 
 from __future__ import annotations
 
-import ast
 import dataclasses
-import inspect
 from pathlib import Path
 from typing import Any
 
+from docs.source_reading import filled, meanings
 from emulator.scenario import Scenario, load_scenario, scenario_names
 
 PAGE = Path(__file__).with_name("emulator.md")
-_START, _END = "<!-- made from the code: {} -->", "<!-- end of {} -->"
 
 
 def scenario_table() -> str:
     """Return the shipped scenarios and what each is for, as a Markdown table."""
     rows = [f"| `{name}` | {load_scenario(name).purpose} |" for name in scenario_names()]
     return "\n".join(["| scenario | what it is for |", "|---|---|", *rows])
-
-
-def _meanings(cls: type[Any]) -> dict[str, str]:
-    """Docstrings of a class's fields."""
-    (definition,) = ast.parse(inspect.getsource(cls)).body
-    assert isinstance(definition, ast.ClassDef)
-    meanings = {}
-    for field, doc in zip(definition.body, definition.body[1:], strict=False):
-        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(doc, ast.Expr):
-            assert isinstance(doc.value, ast.Constant)
-            meanings[field.target.id] = " ".join(str(doc.value.value).replace("``", "`").split())
-    return meanings
 
 
 def _toml(value: Any) -> str:  # noqa: ANN401
@@ -46,7 +32,7 @@ def _toml(value: Any) -> str:  # noqa: ANN401
 
 
 def _key_table(cls: type[Any], title: str) -> list[str]:
-    meanings, rows, nested = _meanings(cls), [], []
+    documented, rows, nested = meanings(cls), [], []
     for field in dataclasses.fields(cls):
         rule = field.metadata.get("rule")
         if rule is None:
@@ -56,7 +42,7 @@ def _key_table(cls: type[Any], title: str) -> list[str]:
             name = f"{title}.{field.name}".removeprefix("top.")
             nested += _key_table(inner, name if not rule.many else f"[{name}]")
         else:
-            rows.append(f"| `{field.name}` | `{_toml(field.default)}` | {rule.allowed} | {meanings[field.name]} |")
+            rows.append(f"| `{field.name}` | `{_toml(field.default)}` | {rule.allowed} | {documented[field.name]} |")
     heading = "At the top" if title == "top" else f"`[{title}]`"
     return [f"### {heading}", "", "| key | default | allowed | meaning |", "|---|---|---|---|", *rows, "", *nested]
 
@@ -68,12 +54,7 @@ def key_tables() -> str:
 
 def fill(document: str) -> str:
     """Return a document with its two marked places filled from the code."""
-    for name, made in (("scenarios", scenario_table()), ("keys", key_tables())):
-        start, end = _START.format(name), _END.format(name)
-        head, _, rest = document.partition(start)
-        _, _, tail = rest.partition(end)
-        document = f"{head}{start}\n\n{made}\n\n{end}{tail}"
-    return document
+    return filled(document, {"scenarios": scenario_table(), "keys": key_tables()})
 
 
 if __name__ == "__main__":

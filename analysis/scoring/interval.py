@@ -38,6 +38,7 @@ class DriftInterval:
     n_steps: int
     """Number of steps m."""
     level: float
+    """Confidence level, 0.95."""
     low_deg: float
     """Lower end, ≥ 0; 0 when "no drift" cannot be excluded."""
     high_deg: float

@@ -53,11 +53,13 @@ class Result(Part, frozen=True, kw_only=True):
     """Everything about one trial. θ̄ and what follows from it are None unless ``valid``."""
 
     format: int
+    """Version of this layout."""
     theta_bar_deg: float | None
     """θ̄ by the card."""
     axis: Vector | None
     """Axis of the average step, world frame."""
     n_endpoints: int
+    """End points that count."""
     interval_deg: tuple[float, float] | None
     """Ends of the confidence interval; None with fewer than 4 steps."""
     valid: bool
@@ -75,29 +77,41 @@ class Result(Part, frozen=True, kw_only=True):
     period_s: float | None
     """Median distance between end points."""
     other_extreme: OtherExtreme | None
+    """The same trial at the other turning point."""
     companions: Diagnostics | None
     """What θ̄ hides."""
     sensor: SensorShare | None
+    """How much the sensor alone may contribute."""
     window: ScoredWindow
+    """Which end points count, and who decided."""
     cycles: CycleSearch
     """The search that found (or would have found) the end points."""
     losses: Losses | None
     """What the link lost; None for files."""
     recording: Source
+    """What was scored."""
     settings: Settings
+    """Numbers of the method."""
     excluded_cycles: tuple[ExcludedCycle, ...] = ()
     as_published: PublishedDrift | None = None
     """The authors' figure, where asked for."""
 
     rotdrift_version: str = ""
+    """Version of the program that made it."""
     object: RecordedObject | UnsetType | None = UNSET
     """None where the object never introduced itself."""
     link: LinkAccount | None = None
+    """The link and its counters; None for files."""
     missing_per_cycle: tuple[int, ...] | None = None
+    """Missing samples of each cycle, in order."""
     losses_per_cycle: tuple[CycleLosses, ...] | None = None
+    """The account of losses of each cycle; None for files."""
     quality: Quality | None = None
+    """What the losses come to; None for files."""
     events: tuple[ObjectEvent, ...] | None = None
+    """Buttons and markers of the object; None for files."""
     operator: tuple[OperatorEvent, ...] | None = None
+    """What the operator did during the capture; None for files."""
     capture: CaptureAccount | None = None
     """How the capture went, where it has just ended."""
     clock: OfflineClock | UnsetType | None = UNSET

@@ -53,7 +53,9 @@ class ScoredEndpoint(Part, frozen=True, kw_only=True):
     sequence: int | None = None
     """Nearest sample, of recordings whose samples carry sequence numbers."""
     time_s: float
+    """On the recording's time axis."""
     quat_wxyz: Quaternion
+    """Orientation, averaged over the dwell where the search found it."""
     flags: tuple[str, ...]
     """What is odd about the cycle that ends here."""
     dwell_s: float | None
@@ -75,7 +77,9 @@ class LeftOutPoint(Part, frozen=True):
     """A turning point at the ends of the trial that the search left out."""
 
     time_s: float
+    """On the recording's time axis."""
     reason: str
+    """Why it was left out."""
 
 
 class AutomaticScore(Part, frozen=True):
@@ -86,9 +90,11 @@ class AutomaticScore(Part, frozen=True):
     theta_bar_deg: float | None
     """θ̄, None where not valid."""
     n_endpoints: int
+    """End points that would count."""
     indices: tuple[int, ...]
     """Rows or sequence numbers."""
     reasons: tuple[str, ...]
+    """Why it would not be scored."""
 
 
 class ScoredWindow(Part, frozen=True, kw_only=True):
@@ -99,8 +105,11 @@ class ScoredWindow(Part, frozen=True, kw_only=True):
     from_s: float | None
     """Start: as given, else the first end point."""
     to_s: float | None
+    """End: as given, else the last end point."""
     source: str
+    """Who chose: the search, a person, the operator, a file."""
     left_out: tuple[LeftOutPoint, ...]
+    """Turning points that the search left out."""
     automatic: AutomaticScore | None
     """None where the window is the automatic one."""
 
@@ -124,7 +133,9 @@ class OtherExtreme(Part, frozen=True):
     theta_bar_deg: float | None
     """None with fewer than 2 end points."""
     axis: Vector | None
+    """Axis of its average step, world frame."""
     n_endpoints: int
+    """End points at the other extreme."""
     endpoints: tuple[ScoredEndpoint, ...]
     """In time order."""
 
@@ -149,7 +160,9 @@ class PhaseSweep(Part, frozen=True):
     """θ̄ of the same cycles at other phases: how much the choice of phase matters."""
 
     min: float
+    """Smallest θ̄ of all phases, deg."""
     max: float
+    """Largest θ̄ of all phases, deg."""
     phases: tuple[float, ...]
     """Fraction of a cycle after the end point, [0, 1)."""
     theta_bar_deg: tuple[float, ...]
@@ -168,6 +181,7 @@ class Diagnostics(Part, frozen=True, kw_only=True, omit_defaults=False):
     mean_step_deg: float
     """Mean of the step angles; far above θ̄ where the steps scatter."""
     median_step_deg: float
+    """Median of the step angles."""
     dispersion_deg: float
     """Root mean square angle between the steps and their average r̄, with n−2 in the denominator."""
     axis_share: float
@@ -179,11 +193,13 @@ class Diagnostics(Part, frozen=True, kw_only=True, omit_defaults=False):
     without_first_deg: float | None
     """θ̄ without the first end point; None with fewer than 2 steps."""
     without_last_deg: float | None
+    """θ̄ without the last end point; None with fewer than 2 steps."""
     leave_one_out_deg: tuple[float, float] | None
     """Smallest and largest θ̄ when one step is left out."""
     slope_deg_per_cycle: float
     """Length of the least-squares slope of pose (rotation vector) on cycle number: uses every end point."""
     slope_axis: Vector
+    """Axis of that slope."""
     top_eigenvalue_share: float
     """Largest eigenvalue of M over its trace; see :data:`analysis.scoring.diagnostics.MIN_EIGENVALUE_SHARE`."""
     over_phase_deg: PhaseSweep | None = None
@@ -200,12 +216,17 @@ class ScoredRun(Part, frozen=True):
     """End points without a pause between them."""
 
     from_s: float
+    """First end point."""
     to_s: float
+    """Last end point."""
     n_endpoints: int
+    """End points in the run."""
     net_rotation_deg: float
+    """Angle from its first end point to its last."""
     theta_bar_deg: float | None
     """With few steps it means little: for comparison with the run that was scored."""
     scored: bool
+    """Whether this run is the one that was scored."""
 
 
 class CycleSearch(Part, frozen=True, kw_only=True):
@@ -235,11 +256,15 @@ class Source(Part, frozen=True, kw_only=True):
     """The recording that was scored."""
 
     source: str
+    """Name of the file or link."""
     convention: str
     """How its orientations were read."""
     n_samples: int
+    """Samples on the time axis."""
     start_s: float
+    """First sample, on the recording's time axis."""
     duration_s: float
+    """From the first sample to the last."""
     notes: tuple[str, ...]
     """What the reader assumed and did."""
 
@@ -248,6 +273,7 @@ class Settings(Part, frozen=True):
     """Numbers of the method."""
 
     cycles: CycleSettings
+    """Of the search for cycles."""
 
 
 class PublishedDrift(Part, frozen=True, kw_only=True):

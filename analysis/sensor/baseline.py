@@ -37,7 +37,9 @@ class AllanPoint:
     """Allan deviation of the heading rate at one averaging time, all axes together."""
 
     tau_s: float
+    """Averaging time."""
     deviation_deg_per_min: float
+    """Allan deviation of the rate at it, length over the three axes."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,9 @@ class StaticBaseline:
     walk_deg_per_sqrt_s: float
     """Random walk, root mean square after one second; 0 where the rest was too short to see it."""
     duration_s: float
+    """Length of the rest."""
     n_samples: int
+    """Samples in it."""
     allan: tuple[AllanPoint, ...] = ()
     """Empty where the rest was shorter than ``MIN_ALLAN_S``."""
     temperature_c: tuple[float, float] | None = None
@@ -61,6 +65,7 @@ class StaticBaseline:
     source: str = ""
     """What it was measured from."""
     notes: tuple[str, ...] = ()
+    """What is odd about it."""
 
     @property
     def total_rate_deg_per_min(self) -> float:

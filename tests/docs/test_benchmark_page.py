@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from analysis.scoring.result import Result
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
@@ -28,9 +27,3 @@ def test_tests_exist(name):
     assert not function or f"def {function}(" in text
 
 
-def test_every_json_field_is_described():
-    section = PAGE.split("## The result as JSON")[1].split("\n## ")[0]
-    described = set(re.findall(r"`(\w+)`", "".join(re.findall(r"^\| (.*?) \|", section, re.MULTILINE))))
-    fields = set(Result.__struct_fields__)
-    assert fields - described == {"format"}
-    assert described - fields == set()
