@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
 
@@ -25,5 +24,3 @@ def test_tests_exist(name):
     path, _, function = name.partition("::")
     text = (ROOT / path).read_text(encoding="utf-8")
     assert not function or f"def {function}(" in text
-
-
