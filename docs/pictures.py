@@ -1,6 +1,7 @@
 """Make the pictures of the documentation from a real run: ``python docs/pictures.py`` (``make docs`` calls it).
 
-A virtual object in a second process, a capture over a real link, and the dashboard's last state as an SVG.
+A virtual object in a second process, a capture over a real link, the dashboard's last state as an SVG, the report of
+the trial as a browser shows it (where there is one), and one of its figures.
 """
 
 from __future__ import annotations
@@ -8,6 +9,9 @@ from __future__ import annotations
 import contextlib
 import io
 import re
+import shutil
+import subprocess
+import sys
 import tempfile
 import threading
 from pathlib import Path
@@ -16,7 +20,8 @@ from rich._export_format import CONSOLE_SVG_FORMAT
 from rich.console import Console
 from rich.terminal_theme import MONOKAI
 
-from host.capture.run import DEFAULT_FOLDER, run_capture
+from host import cli
+from host.capture.run import run_capture
 from host.capture.settings import CaptureSettings
 from host.screen.dashboard.picture import View, picture
 from host.screen.screens import QuietScreen
@@ -41,6 +46,27 @@ temperature_c = 38.0
 [device]
 rate_hz = 100
 """
+CARDS = """
+[hand]
+model = "T42"
+maker = "laboratory"
+fingers = 2
+actuation = "2 motors, tendons, underactuated"
+aperture_mm = 90.0
+fingertip_material = "urethane rubber"
+control_mode = "open loop, position"
+[trial]
+motion = "roll"
+axis = "world x"
+repeats = 14
+comments = "An emulated trial: the drift is known and built in."
+[object]
+type = "cube"
+name = "virtual cube"
+"""
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+PAGE_PX = 900, 820
+"""Of the report that the picture shows, width and height."""
 FOLDER = Path(__file__).resolve().parent / "pictures"
 
 
@@ -55,24 +81,48 @@ class KeepingScreen(QuietScreen):
             self.state = state
 
 
-def dashboard_picture(path: Path) -> None:
-    """Capture a trial and draw the dashboard as it stands when the last cycle is in."""
+def make_pictures(folder: Path) -> None:
+    """Capture a trial; draw the dashboard when the last cycle is in, and what ``report`` makes of the trial."""
+    folder.mkdir(exist_ok=True)
     screen = KeepingScreen()
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+    with tempfile.TemporaryDirectory() as place, contextlib.chdir(place):
         scenario = Path("picture.toml")
         scenario.write_text(SCENARIO, encoding="utf-8")
         with VirtualObjectProcess(str(scenario.resolve())) as virtual:
-            recording = DEFAULT_FOLDER / "trial.mcap"
-            run_capture(virtual.link, recording, CaptureSettings(cycles=CYCLES), screen, threading.Event())
+            run_capture(virtual.link, Path("trial.mcap"), CaptureSettings(cycles=CYCLES), screen, threading.Event())
+        Path("trial.toml").write_text(CARDS, encoding="utf-8")
+        report_pictures(Path("trial.mcap"), folder)
+    (folder / "dashboard.svg").write_text(dashboard_picture(screen.state), encoding="utf-8")
+
+
+def report_pictures(recording: Path, folder: Path) -> None:
+    """Draw the first page of a report, and one of its figures."""
+    cli.main(["report", str(recording), "--out", "report", "--title", "Rotation drift of an emulated cube"])
+    (figure,) = Path("report").glob("trials/*/figures/rotation.svg")
+    shutil.copy(figure, folder)
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        sys.stderr.write("no browser: the picture of the report is not made again\n")
+        return
+    options = ("--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--hide-scrollbars")
+    quiet = ("--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run")
+    size = f"--window-size={PAGE_PX[0]},{PAGE_PX[1]}"
+    shot, page = f"--screenshot={folder / 'report.png'}", Path("report/report.html").resolve().as_uri()
+    command = [browser, *options, *quiet, size, "--virtual-time-budget=20000", shot, page]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)  # noqa: S603 - our own page
+
+
+def dashboard_picture(state: TrialState) -> str:
+    """Return the dashboard of a state as an SVG."""
     console = Console(record=True, width=WIDTH, height=HEIGHT, force_terminal=True, file=io.StringIO())
-    for line in picture((screen.state,), View(), WIDTH, HEIGHT):
+    for line in picture((state,), View(), WIDTH, HEIGHT):
         console.print(line, no_wrap=True)
-    path.parent.mkdir(exist_ok=True)
     without_web_fonts = re.sub(r"@font-face \{\{.*?\}\}", "", CONSOLE_SVG_FORMAT, flags=re.DOTALL)
-    drawing = console.export_svg(
-        title="rotdrift capture", theme=MONOKAI, code_format=without_web_fonts, unique_id="dashboard"
+    return with_drawn_bars(
+        console.export_svg(
+            title="rotdrift capture", theme=MONOKAI, code_format=without_web_fonts, unique_id="dashboard"
+        )
     )
-    path.write_text(with_drawn_bars(drawing), encoding="utf-8")
 
 
 def with_drawn_bars(picture: str) -> str:
@@ -81,4 +131,4 @@ def with_drawn_bars(picture: str) -> str:
 
 
 if __name__ == "__main__":
-    dashboard_picture(FOLDER / "dashboard.svg")
+    make_pictures(FOLDER)

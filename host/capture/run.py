@@ -44,10 +44,10 @@ class FinishedCapture:
     result: Path
     """Where the result was to be written; the disk may be full."""
 
-    def places(self) -> str:
-        """Return where the files are, a line each."""
-        result = f"result     {self.result}\n" if self.result.exists() else ""
-        return f"recording  {self.recording}\n{result}"
+    def places(self) -> tuple[tuple[str, str], ...]:
+        """Return where the files are, a name and a path each."""
+        result = (("result", str(self.result)),) if self.result.exists() else ()
+        return ("recording", str(self.recording)), *result
 
 
 def default_recording(now: datetime, folder: Path = DEFAULT_FOLDER) -> Path:

@@ -85,11 +85,11 @@ def difference_sentence(live_deg: float | None, score: Result) -> str:
     return f"live {live_deg:.3f}°, the result differs by {round(score.theta_bar_deg - live_deg, 3) + 0.0:+.3f}°"
 
 
-def difference_line(live_deg: float | None, score: Result) -> str:
-    """Return the same as a line below the printed score, which has the reason where there is none."""
+def difference_fact(live_deg: float | None, score: Result) -> tuple[tuple[str, str], ...]:
+    """Return the same for the printed score, a name and a text; nothing where the score itself has the reason."""
     if score.theta_bar_deg is not None:
-        return f"live       {difference_sentence(live_deg, score).removeprefix('live ')}\n"
-    return "" if live_deg is None else f"live       {live_deg:.3f}°, which the result does not confirm\n"
+        return (("live", difference_sentence(live_deg, score).removeprefix("live ")),)
+    return () if live_deg is None else (("live", f"{live_deg:.3f}°, which the result does not confirm"),)
 
 
 def _score_view(score: RunningScore) -> ScoreView:

@@ -84,6 +84,7 @@ def run(args: argparse.Namespace) -> int:
         _print(baseline)
     if args.out is not None:
         try:
+            args.out.parent.mkdir(parents=True, exist_ok=True)
             save_baseline(baseline, args.out)
         except OSError as error:
             raise unwritable(args.out, error) from error

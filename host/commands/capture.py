@@ -68,6 +68,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="wait so long for a lost link to come back (default: 30; 0 ends the capture at once)",
     )
     parser.add_argument("--debug-link", type=Path, metavar="FILE", help="write down what crosses the link, in hex")
+    parser.add_argument("--quiet", action="store_true", help="print the score alone at the end")
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
@@ -110,31 +111,32 @@ def run(args: argparse.Namespace) -> int:
     screen = open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, args.bell, args.plain))
     options = ScoreOptions(baseline=args.baseline)
     if len(links) > 1:
-        return _run_several(links, args.json, recording, settings, screen, options)
+        return _run_several(links, args.json, args.quiet, recording, settings, screen, options)
     with stop_on_signals() as stop:
         finished = run_capture(links[0], recording, settings, screen, stop, options)
     if args.json:
         sys.stdout.write(result_text(finished.score))
     else:
-        _print(finished)
+        _print(finished, args.quiet)
     sys.stdout.flush()
     if finished.outcome.error is not None:
         raise finished.outcome.error
     return 0 if finished.score.valid else 1
 
 
-def _print(finished: FinishedCapture) -> None:
-    from host.capture.snapshot import difference_line
+def _print(finished: FinishedCapture, only_score: bool) -> None:
+    from host.capture.snapshot import difference_fact
     from host.results.printout import print_score
 
-    print_score(finished.score)
-    sys.stdout.write(difference_line(finished.outcome.last_state.score.theta_bar_deg, finished.score))
-    sys.stdout.write(finished.places())
+    live_deg = finished.outcome.last_state.score.theta_bar_deg
+    also = *difference_fact(live_deg, finished.score), *finished.places()
+    print_score(finished.score, also=also, only_score=only_score)
 
 
 def _run_several(
     links: list[str],
     as_json: bool,
+    only_score: bool,
     recording: Path,
     settings: CaptureSettings,
     screen: Screen,
@@ -163,7 +165,7 @@ def _run_several(
         elif not as_json:
             sys.stdout.write(f"\n{item.link}\n")
             sys.stdout.flush()
-            _print(finished)
+            _print(finished, only_score)
     sys.stdout.flush()
     return max(item.exit_code for item in outcomes)
 

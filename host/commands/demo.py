@@ -59,9 +59,8 @@ def run(args: argparse.Namespace) -> int:
                 virtual.link, recording, CaptureSettings(cycles=args.cycles), open_screen(False), stop
             )
         truth = virtual.stop()
-    print_score(finished.score)
+    print_score(finished.score, also=finished.places())
     _print_truth(finished.score, truth, heading_drift)
-    sys.stdout.write(finished.places())
     sys.stdout.flush()
     if finished.outcome.error is not None:
         raise finished.outcome.error

@@ -21,6 +21,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--ascii", action="store_true", help="draw with ASCII only")
     parser.add_argument("--theme", choices=("auto", "dark", "light"), default="auto", help="background of the terminal")
     parser.add_argument("--plain", action="store_true", help="a line per cycle in place of the dashboard")
+    parser.add_argument("--quiet", action="store_true", help="print the score alone")
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
 
 
@@ -35,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     from analysis.scoring.result import result_text
     from analysis.series import AnalysisError
     from host.capture.playback import play, recorded_actions, recorded_commands
-    from host.capture.snapshot import difference_line, finished_state
+    from host.capture.snapshot import difference_fact, finished_state
     from host.errors import FileError
     from host.recording.load import load_trial
     from host.recording.replay_link import ReplayTransport
@@ -62,9 +63,8 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         sys.stdout.write(result_text(score))
     else:
-        print_score(score)
-        if live is not None:
-            sys.stdout.write(difference_line(live.score.theta_bar_deg, score))
+        also = () if live is None else difference_fact(live.score.theta_bar_deg, score)
+        print_score(score, also=also, only_score=args.quiet)
     return 0 if score.valid else 1
 
 

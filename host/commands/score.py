@@ -29,6 +29,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="what to score; folders are searched")
     parser.add_argument("--json", action="store_true", help="print the result as one JSON object, and nothing else")
+    parser.add_argument("--csv", action="store_true", help="print CSV, a row per recording, and nothing else")
+    parser.add_argument("--quiet", action="store_true", help="print the score alone")
+    parser.add_argument(
+        "--cycles", type=_rows, metavar="N|all", help="so many rows of the table of cycles (default: 12)"
+    )
     parser.add_argument(
         "--endpoints",
         metavar="ROWS|FILE",
@@ -84,12 +89,16 @@ def run(args: argparse.Namespace) -> int:
         from analysis.scoring.result import result_text
 
         sys.stdout.write(result_text(result))
-    else:
-        from host.results.printout import print_score
+    elif args.csv:
+        from host.results.batch import BatchRow
+        from host.results.csv_rows import results_csv
 
-        print_score(result)
-        if args.plot is not None:
-            sys.stdout.write(f"\nplot       {args.plot}\n")
+        sys.stdout.write(results_csv([BatchRow(files[0], result, None, 0)]))
+    else:
+        from host.results.printout import MAX_ROWS, print_score
+
+        also = () if args.plot is None else (("plot", str(args.plot)),)
+        print_score(result, also=also, max_rows=args.cycles or MAX_ROWS, only_score=args.quiet)
     return 0 if result.valid else 1
 
 
@@ -101,6 +110,7 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
     from analysis.scoring.result import result_text
     from host.errors import UsageError
     from host.results.batch import BatchRow, score_many
+    from host.results.csv_rows import results_csv
     from host.results.printout import print_batch
 
     for name, value in (("--endpoints", args.endpoints), ("--plot", args.plot), ("--preceding", args.preceding)):
@@ -120,9 +130,19 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
     if args.json:
         results = [{"file": str(row.path), "error": row.error, "result": row.result} for row in rows]
         sys.stdout.write(result_text({"results": results}))
+    elif args.csv:
+        sys.stdout.write(results_csv(rows))
     else:
-        print_batch(rows)
+        print_batch(rows, only_scores=args.quiet)
     return max(row.exit_code for row in rows)
+
+
+def _rows(text: str) -> int:
+    if text == "all":
+        return sys.maxsize
+    if not text.isascii() or not text.isdigit() or not 2 <= int(text) < 10**9:
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a number from 2 on nor `all`")
+    return int(text)
 
 
 def _check_plot(path: Path | None) -> None:

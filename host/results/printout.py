@@ -1,4 +1,4 @@
-"""A result for the terminal: the number first, then how far to trust it, then the cycles; many as one table."""
+"""A result for the terminal: the cycles, how far to trust the number, and last, where the eye is, the number itself."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from analysis.scoring.result_parts import Diagnostics, PublishedDrift
 from host.results.batch import BatchRow
 from host.text import plain
 
-MAX_ROWS = 40
-"""Longer tables show their beginning and their end."""
+MAX_ROWS = 12
+"""Longer tables of cycles show their start and their end, unless all are asked for."""
 MAX_LEFT_OUT = 4
 """Turning points left out that are named; the result has all."""
 _BELOW_FLOOR = {
@@ -25,22 +25,34 @@ _BELOW_FLOOR = {
 }
 
 
-def _render_score(result: Result) -> RenderableType:
+def _render_score(result: Result, also: Sequence[tuple[str, str]], max_rows: int) -> RenderableType:
     """Return a result as a drawing; texts in it may come from files and are shown as they are, never as markup."""
-    parts: list[RenderableType] = [_headline(result), _trust(result)]
+    parts: list[RenderableType] = []
     if result.endpoints:
-        parts += [Text(""), _cycles(result)]
-    return Group(*parts)
+        parts += [_cycles(result, max_rows), Text("")]
+    return Group(*parts, _trust(result, also), Text(""), _headline(result))
 
 
-def print_score(result: Result, console: Console | None = None) -> None:
-    """Print a result to standard output; where that is a file or a pipe, without the blanks that fill up a line."""
+def print_score(
+    result: Result,
+    console: Console | None = None,
+    *,
+    also: Sequence[tuple[str, str]] = (),
+    max_rows: int = MAX_ROWS,
+    only_score: bool = False,
+) -> None:
+    """Print a result to standard output; where that is a file or a pipe, without the blanks that fill up a line.
+
+    ``also`` is what a command adds, a name and a text each. Of more than ``max_rows`` end points, the first and the
+    last are shown.
+    """
     console = console or Console(highlight=False, soft_wrap=False)
+    drawing = _headline(result) if only_score else _render_score(result, also, max_rows)
     if console.is_terminal:
-        console.print(_render_score(result))
+        console.print(drawing)
         return
     with console.capture() as drawn:
-        console.print(_render_score(result))
+        console.print(drawing)
     console.file.write("".join(f"{line.rstrip()}\n" for line in drawn.get().splitlines()))
 
 
@@ -58,7 +70,7 @@ def _headline(result: Result) -> Text:
     return line
 
 
-def _trust(result: Result) -> Table:
+def _trust(result: Result, also: Sequence[tuple[str, str]]) -> Table:
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column(overflow="fold")
@@ -67,6 +79,8 @@ def _trust(result: Result) -> Table:
     shown = {"" if result.sensor is None else result.sensor.note}
     for warning in (warning for warning in result.warnings if warning not in shown):
         grid.add_row(Text("note", style="yellow"), Text(plain(warning, 400)))
+    for name, value in also:
+        grid.add_row(Text(name), Text(plain(value, 4096)))
     return grid
 
 
@@ -172,17 +186,19 @@ def _losses(losses: Losses) -> str:
     )
 
 
-def _cycles(result: Result) -> Table:
+def _cycles(result: Result, max_rows: int) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", pad_edge=False)
     for name in ("cycle", result.index_kind, "time", "period", "step"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("", overflow="fold", min_width=12)  # the one column that may fold: numbers stay whole
     points, start_s = result.endpoints, result.recording.start_s
-    skipped = range(MAX_ROWS // 2, len(points) - MAX_ROWS // 2) if len(points) > MAX_ROWS else range(0)
+    shown_at_end = max_rows // 2
+    skipped = range(max_rows - shown_at_end, len(points) - shown_at_end) if len(points) > max_rows else range(0)
     for k, point in enumerate(points):
         if k in skipped:
             if k == skipped.start:
-                table.add_row("…")
+                more = f"{len(skipped)} more (score --cycles all)"
+                table.add_row("…", "", "", "", "", Text(more, style="dim"))
             continue
         table.add_row(
             Text(str(k) if k else "start"),
@@ -204,9 +220,15 @@ _WIDE_COLUMNS = ("θ̄", "95 % interval", "cycles", "period", "other end", "flag
 _COLUMNS = ("θ̄", "95 % interval", "cycles", "notes")
 
 
-def print_batch(rows: Sequence[BatchRow], console: Console | None = None) -> None:
+def print_batch(rows: Sequence[BatchRow], console: Console | None = None, *, only_scores: bool = False) -> None:
     """Print a table of many recordings to standard output."""
     console = console or Console(highlight=False)
+    if only_scores:
+        for row in rows:
+            line = Text(f"{plain(_tail(row.path), 200)}: ")
+            line.append_text(Text(plain(row.error, 300)) if row.result is None else _headline(row.result))
+            console.print(line, soft_wrap=True)
+        return
     if not console.is_terminal:
         console.width = max(console.width, UNBOUND)
     console.print(_render_batch(rows, _COLUMNS if console.width < NARROW else _WIDE_COLUMNS))

@@ -4,6 +4,7 @@ import re
 import shlex
 import shutil
 from contextlib import chdir
+from pathlib import Path
 
 import pytest
 
@@ -12,14 +13,14 @@ from host.results.any_file import read_recording
 from host.virtual_object_process import VirtualObjectProcess
 from tests.command_line import quick_scenario
 from tests.docs.test_documented_commands import DOCUMENTED
+from tests.emulated_submission import write_trials
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
 
-CAPTURE = "rotdrift capture serial:/dev/ttyACM0 --cycles 20"
-AFTERWARDS = ("rotdrift score rotdrift-trials/TRIAL.mcap", "rotdrift replay rotdrift-trials/TRIAL.mcap")
+ROOT = Path(__file__).parents[2]
 ON_FILES = (
     "rotdrift ports",
     "rotdrift emulate --list",
-    "rotdrift score cube_roll.mcap --baseline imu.toml --plot cube_roll.png",
+    "rotdrift score trials/cube_roll.mcap --baseline trials/baseline.toml --plot cube_roll.png",
     "rotdrift score trial.csv --columns t=time,qw=w,qx=x,qy=y,qz=z",
     "rotdrift score trials/ --json",
     "rotdrift recover trial.mcap clean.mcap",
@@ -35,9 +36,8 @@ def folder(tmp_path_factory):
     """Files under the names that the pages use."""
     folder = tmp_path_factory.mktemp("documented")
     recording = write_recording(folder / "trial.mcap", virtual_chunks(scenario("fast", motion={"cycles": 12}))[0])
-    shutil.copy(recording, folder / "cube_roll.mcap")
     (folder / "trials").mkdir()
-    for name in ("one", "two"):
+    for name in ("cube_roll", "two"):
         shutil.copy(recording, folder / "trials" / f"{name}.mcap")
     series, _ = read_recording(recording)
     rows = zip(series.times_s.tolist(), series.quats_wxyz.tolist(), strict=True)
@@ -45,15 +45,12 @@ def folder(tmp_path_factory):
     (folder / "trial.csv").write_text("\n".join(lines) + "\n")
     write_recording(folder / "rest.mcap", virtual_chunks(scenario("static"), duration_s=90)[0])
     with chdir(folder):
-        assert cli.main(["baseline", "rest.mcap", "--out", "imu.toml"]) == 0
+        assert cli.main(["baseline", "rest.mcap", "--out", "trials/baseline.toml"]) == 0
     return folder
 
 
-def run(line, **places):
-    words = shlex.split(line, comments=True)[1:]
-    for name, value in places.items():
-        words = [word.replace(name, value) for word in words]
-    return cli.main(words)
+def run(line):
+    return cli.main(shlex.split(line, comments=True)[1:])
 
 
 def test_commands_on_files(folder, monkeypatch, capsys):
@@ -68,20 +65,48 @@ def test_commands_on_files(folder, monkeypatch, capsys):
     assert {"clean.mcap", "trial.mat", "endpoints.csv"} <= {path.name for path in folder.iterdir()}
 
 
-def test_the_main_job_of_the_readme(tmp_path, monkeypatch, capsys):
+def block(page, first):
+    """The commands of the block of a page that starts with one, in their order."""
+    text = (ROOT / page).read_text("utf-8")
+    blocks = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
+    (found,) = (lines.splitlines() for lines in blocks if lines.lstrip().startswith(first))
+    return found
+
+
+def test_the_main_job_of_the_readme_from_the_object_to_the_comparison(tmp_path, monkeypatch, capsys, folder):
     monkeypatch.chdir(tmp_path)
-    assert {CAPTURE, *AFTERWARDS} <= {line for page, line in DOCUMENTED if page == "README.md"}
+    write_trials(tmp_path / "lab", model="Gripper", cycles=5)
+    assert cli.main(["report", *map(str, (tmp_path / "lab").glob("*.mcap")), "--out", "another_lab.zip"]) == 0
+    cards = "\n".join(path.read_text() for path in sorted((tmp_path / "lab").glob("*.toml")))
+    (tmp_path / "cards.toml").write_text(cards)
+    instead = {
+        "baseline": ("serial:/dev/ttyACM0", str(folder / "rest.mcap")),
+        "init": ("init", "init --from cards.toml"),
+    }
+    printed = {}
     with VirtualObjectProcess(quick_scenario(tmp_path)) as virtual:
-        assert run(CAPTURE, **{"serial:/dev/ttyACM0": virtual.link}) == 0
-    (trial,) = (tmp_path / "rotdrift-trials").glob("*.mcap")
-    measured = headline(capsys.readouterr().out)
-    assert int(measured[1].split()[1]) >= 20
-    for line in AFTERWARDS:
-        assert run(line, TRIAL=trial.stem) == 0
-        assert headline(capsys.readouterr().out) == measured
+        for line in block("README.md", "rotdrift ports"):
+            command = line.split()[1]
+            old, new = instead.get(command, ("serial:/dev/ttyACM0", virtual.link))
+            capsys.readouterr()
+            assert run(line.replace(old, new)) == 0, line
+            printed[command] = capsys.readouterr().out
+    score, motion = headline(printed["capture"])
+    assert int(motion.split()[1]) >= 20
+    assert headline(printed["score"]) == (score, motion)
+    theta = re.search(r"θ̄ = ([0-9.]+)", score)[1]
+    assert theta in printed["report"]
+    assert printed["verify"].startswith("equal")
+    assert theta in printed["compare"]
+    assert "Gripper" in printed["compare"]
+    capsys.readouterr()
+    assert run("rotdrift replay trials/cube_roll.mcap") == 0
+    assert re.search(r"θ̄ = ([0-9.]+)", headline(capsys.readouterr().out)[0])[1] == theta
 
 
-def headline(said):
-    """The score, its interval and what it was measured over."""
-    first, second = re.findall(r"^(?:rotation drift θ̄ = |motion +[0-9]+ cycles).*$", said, re.MULTILINE)
-    return first, second
+def headline(printed):
+    """The score with its interval, which is the last thing printed, and what it was measured over."""
+    (motion,) = re.findall(r"^motion +[0-9]+ cycles.*$", printed, re.MULTILINE)
+    score = printed.splitlines()[-1]
+    assert score.startswith("rotation drift θ̄ = ")
+    return score, motion

@@ -17,7 +17,7 @@ from analysis.scoring.trial import score_series
 from analysis.sensor.baseline import StaticBaseline
 from analysis.series import OrientationSeries
 from host.results.batch import BatchRow
-from host.results.printout import print_batch, print_score
+from host.results.printout import MAX_ROWS, print_batch, print_score
 from tests.simulated_motion import simulate
 
 
@@ -38,16 +38,32 @@ def score():
     return score_series(series)
 
 
-def test_the_number_comes_first_then_trust_then_cycles(score):
-    text = shown(score)
-    lines = text.splitlines()
-    assert lines[0].startswith(f"rotation drift θ̄ = {score.theta_bar_deg:.3f}° per cycle")
-    assert "95 % interval" in lines[0]
-    header = next(k for k, line in enumerate(lines) if line.split()[:3] == ["cycle", "row", "time"])
-    names = [line.split("  ")[0] for line in lines[1:header] if line[:1].strip()]
+def test_cycles_come_first_then_trust_and_the_number_last(score):
+    lines = shown(score).splitlines()
+    assert lines[0].split()[:3] == ["cycle", "row", "time"]
+    assert lines[-1].startswith(f"rotation drift θ̄ = {score.theta_bar_deg:.3f}° per cycle")
+    assert "95 % interval" in lines[-1]
+    blank = lines.index("")
+    assert blank - 1 == len(score.endpoints)
+    names = [line.split("  ")[0] for line in lines[blank + 1 : -2] if line[:1].strip()]
     order = ["motion", "drift axis", "steps", "poses", "θ̄ without", "θ̄ at", "position", "sensor", "window", "read as"]
     assert [name for name in names if name != "note"] == order
-    assert len(lines) - header - 1 == len(score.endpoints)
+
+
+def test_a_long_table_is_cut_and_names_how_to_see_all():
+    found = score_series(simulate(cycles=40).series)
+    lines = shown(found).splitlines()
+    assert lines.index("") == 1 + MAX_ROWS + 1
+    assert f"{len(found.endpoints) - MAX_ROWS} more (score --cycles all)" in lines[1 + MAX_ROWS // 2]
+    out = io.StringIO()
+    print_score(found, Console(file=out, width=80), max_rows=1000)
+    assert out.getvalue().splitlines().index("") == 1 + len(found.endpoints)
+
+
+def test_the_score_alone_is_the_last_line_alone(score):
+    out = io.StringIO()
+    print_score(score, Console(file=out, width=80), only_score=True)
+    assert out.getvalue() == shown(score).splitlines()[-1] + "\n"
 
 
 def test_every_companion_is_shown(score):
@@ -79,7 +95,7 @@ def test_numbers_stay_whole_beside_a_long_reason():
     lines = shown(score_series(simulate(cycles=9, lead_s=1.0).series, endpoints=choice)).splitlines()
     first = next(k for k, line in enumerate(lines) if line.startswith("start"))
     assert lines[first + 1].split()[:6] == ["1", "700", "7.000", "s", "4.000", "s"]
-    folded = [line[lines[first - 1].index("step") + 6 :].strip() for line in lines[first + 1 : -2]]
+    folded = [line[lines[first - 1].index("step") + 6 :].strip() for line in lines[first + 1 : lines.index("") - 2]]
     assert "".join(folded).replace(" ", "") == why.replace(" ", "")
 
 
@@ -93,7 +109,7 @@ def test_below_the_floor_stands_beside_the_number():
     series = simulate(cycles=9, drift_deg=0.02).series
     walk = StaticBaseline((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), 0.01, 0.0, 120.0, 12000)
     score = score_series(series, baseline=walk)
-    assert shown(score).splitlines()[1] == "below the sensor's floor: it cannot be distinguished from no drift at all"
+    assert shown(score).splitlines()[-1] == "below the sensor's floor: it cannot be distinguished from no drift at all"
     assert "a resting object would score less in 95 of 100" in " ".join(shown(score, 400).split())
     out = io.StringIO()
     print_batch([BatchRow(Path("a.csv"), score, None, 0)], Console(file=out, width=80))
@@ -119,7 +135,7 @@ def test_a_refusal_gives_its_reason_once():
     still = simulate(cycles=1, swing_deg=0.0, drift_deg=0.0, noise_deg=0.01).series
     score = score_series(still)
     assert len(score.reasons) == 1
-    assert shown(score).startswith("no score: ")
+    assert shown(score).splitlines()[-1].startswith("no score: ")
 
 
 def test_text_of_files_is_never_markup():
