@@ -62,7 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     problem = hidden_package(Path(__file__).resolve().parent)
     if problem:
-        print(f"rotdrift: {problem}", file=sys.stderr)  # noqa: T201 - nothing else can be imported yet
+        shown = "".join(filter(str.isprintable, problem))  # it names a path; nothing else can be imported yet
+        print(f"rotdrift: {shown}", file=sys.stderr)  # noqa: T201
         return WRONG_USE
     from host.cli import main as run
 

@@ -10,13 +10,15 @@ import argparse
 import importlib
 import os
 import sys
-import traceback
 from collections.abc import Sequence
 from types import ModuleType
 
 from host.command_line.parser import Parser
 from host.commands import COMMANDS
 from host.errors import HostError, unreadable
+from host.output.lines import write_note, write_traceback
+from host.output.streams import discard_output, flush_output, install, installed, output_at_terminal
+from host.text import plain
 from host.version import VERSION
 
 CONFIGURED = {"capture", "baseline", "replay", "report"}
@@ -60,17 +62,23 @@ def build_parser() -> Parser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand and return its exit code; the arguments are those of the process by default."""
+    if arguments is not None:
+        with installed():
+            return _run(list(arguments))
+    install()  # to the end of the process: what is printed while it ends passes as well
+    return _run(sys.argv[1:])
+
+
+def _run(words: list[str]) -> int:
     # numpy reads this when it is first imported. Nothing here gains from several threads, and idle ones keep spinning.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    _make_output_safe()
-    at_terminal = _at_terminal()
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    at_terminal = output_at_terminal()
     debug = "--debug" in words  # until the arguments are parsed
     try:
         args = _parse(words)
         debug = args.debug
         code: int = _command(args.command).run(args)
-        sys.stdout.flush()
+        flush_output()
     except SystemExit as leaving:  # argparse leaves after --help, --version and errors
         return leaving.code if isinstance(leaving.code, int) else 0
     except HostError as error:
@@ -79,16 +87,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _report(error, "interrupted", INTERRUPTED, debug)
     except BrokenPipeError:
         # The reader of our output has gone (`| head`). Without this, Python reports it once more at shutdown.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard_output()
         return 0
     except Exception as error:  # noqa: BLE001 - the last line of defence
-        if isinstance(error, OSError) and at_terminal and not _at_terminal():
-            for stream in (sys.stdout, sys.stderr):  # the terminal has closed; a capture's result is in its file
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        if isinstance(error, OSError) and at_terminal and not output_at_terminal():
+            discard_output(errors=True)  # the terminal has closed; a capture's result is in its file
             return 0
         if isinstance(error, OSError) and error.filename is not None:  # a name too long, a folder that has vanished
-            from host.text import plain
-
             refused = unreadable(plain(error.filename), error)
             return _report(error, str(refused), refused.exit_code, debug)
         message = f"internal error ({type(error).__name__}: {error}): run again with --debug and report it"
@@ -125,24 +130,8 @@ def _command(name: str) -> ModuleType:
     return importlib.import_module(f"host.commands.{name}")
 
 
-def _at_terminal() -> bool:
-    """Return whether the output goes to an open terminal: not to one closed meanwhile (window, ssh)."""
-    try:
-        return os.isatty(sys.stdout.fileno())
-    except (OSError, ValueError):
-        return False
-
-
 def _report(error: BaseException, message: str, code: int, debug: bool) -> int:
     if debug:
-        traceback.print_exception(error, file=sys.stderr)
-    print(f"rotdrift: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201
+        write_traceback(error)
+    write_note(" ".join(message.split()))
     return code
-
-
-def _make_output_safe() -> None:
-    """Make a terminal that cannot show θ show a question mark instead of failing."""
-    for stream in (sys.stdout, sys.stderr):
-        reconfigure = getattr(stream, "reconfigure", None)
-        if reconfigure is not None:
-            reconfigure(errors="replace")

@@ -26,6 +26,7 @@ from host.errors import FileError
 Ask = Callable[[str], str]
 """Shows a prompt, returns the line typed; raises EOFError at the end of the input."""
 Show = Callable[[str], None]
+"""Prints one line."""
 Values = dict[str, dict[str, Any]]
 """Table -> field -> value, as TOML has them."""
 
@@ -47,7 +48,8 @@ def ask_for_cards(known: Cards, tables: tuple[str, ...], ask: Ask, show: Show) -
         The input ended.
     """
     questions = _Questions(card_values(known), ask, show)
-    show(INTRODUCTION)
+    for line in INTRODUCTION.split("\n"):
+        show(line)
     for table in tables:
         show(f"[{table}]")
         for field in msgspec.structs.fields(TABLES[table]):

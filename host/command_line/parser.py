@@ -6,6 +6,8 @@ import argparse
 from collections.abc import Iterable
 from typing import NoReturn
 
+from host.text import one_line
+
 MAX_ECHO = 60
 """Characters of a wrong argument that a message repeats."""
 
@@ -15,7 +17,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong with the arguments, and exit."""
-        self.exit(2, f"rotdrift: {message}; see `{self.prog} --help`\n")
+        self.exit(2, f"rotdrift: {one_line(message)}; see `{self.prog} --help`\n")
 
     def refuse_unknown(self, words: list[str]) -> NoReturn:
         """Refuse what no option or argument of this command takes."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,6 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from analysis.sensor.baseline_file import save_baseline
     from analysis.series import BaselineError
     from host.errors import HostError, UsageError, already_there, unwritable
+    from host.output.lines import write_json, write_line
 
     if args.source is None:
         raise UsageError("a baseline needs a LINK or a FILE", "`rotdrift ports` lists the links")
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         import dataclasses
         import json
 
-        sys.stdout.write(json.dumps(dataclasses.asdict(baseline), indent=2, allow_nan=False) + "\n")
+        write_json(json.dumps(dataclasses.asdict(baseline), indent=2, allow_nan=False) + "\n")
     else:
         _print(baseline)
     if args.out is not None:
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
         except OSError as error:
             raise unwritable(args.out, error) from error
         if not args.json:
-            sys.stdout.write(f"baseline   {args.out}\n")
+            write_line(f"baseline   {args.out}")
     return 0
 
 
@@ -108,6 +108,7 @@ def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[fl
     from host.capture.run import record
     from host.capture.settings import CaptureSettings
     from host.errors import LinkError
+    from host.output.lines import error_stream, write_line
     from host.recording.load import load_trial
     from host.screen.screens import QuietScreen
     from host.stop_signals import stop_on_signals
@@ -116,7 +117,7 @@ def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[fl
 
     class Patience(QuietScreen):
         def start(self) -> None:  # the link is open
-            sys.stderr.write(f"leave the object alone for {duration_s:.0f} s; Ctrl-C ends it early\n")
+            write_line(f"leave the object alone for {duration_s:.0f} s; Ctrl-C ends it early", error_stream())
 
     with tempfile.TemporaryDirectory(prefix="rotdrift-") as folder, stop_on_signals() as stop:
         recording = Path(folder) / "rest.mcap"
@@ -132,10 +133,10 @@ def _from_link(args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[fl
 
 
 def _print(baseline: StaticBaseline) -> None:
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
+    from host.output.drawings import open_console
     from host.text import plain
 
     grid = Table.grid(padding=(0, 2))
@@ -166,6 +167,6 @@ def _print(baseline: StaticBaseline) -> None:
     rows += [("note", plain(note, 300)) for note in baseline.notes]
     for name, value in rows:
         grid.add_row(Text(name), Text(value))
-    console = Console(highlight=False)
+    console = open_console()
     console.print(Text(f"heading drift {baseline.total_rate_deg_per_min:.3f} °/min at rest", style="bold"))
     console.print(grid)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -81,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
     from host.capture.run import DEFAULT_FOLDER, default_recording, run_capture
     from host.capture.settings import CaptureSettings
     from host.errors import UsageError
+    from host.output.lines import write_json
     from host.results.result import ScoreOptions
     from host.screen.choice import ScreenChoice, open_screen
     from host.stop_signals import stop_on_signals
@@ -115,10 +115,9 @@ def run(args: argparse.Namespace) -> int:
     with stop_on_signals() as stop:
         finished = run_capture(links[0], recording, settings, screen, stop, options)
     if args.json:
-        sys.stdout.write(result_text(finished.score))
+        write_json(result_text(finished.score))
     else:
         _print(finished, args.quiet)
-    sys.stdout.flush()
     if finished.outcome.error is not None:
         raise finished.outcome.error
     return 0 if finished.score.valid else 1
@@ -146,6 +145,7 @@ def _run_several(
     from analysis.scoring.result import result_text
     from host.capture.several import capture_several
     from host.errors import UsageError
+    from host.output.lines import write_json, write_lines, write_note
     from host.stop_signals import stop_on_signals
 
     if settings.debug_link is not None:
@@ -157,16 +157,14 @@ def _run_several(
         results = [
             {"link": item.link, "error": item.error and str(item.error), "result": item.result} for item in outcomes
         ]
-        sys.stdout.write(result_text({"results": results}))
+        write_json(result_text({"results": results}))
     for item in outcomes:
         finished = item.finished
         if finished is None:
-            sys.stderr.write(f"rotdrift: {item.link}: {item.error}\n")
+            write_note(f"{item.link}: {item.error}")
         elif not as_json:
-            sys.stdout.write(f"\n{item.link}\n")
-            sys.stdout.flush()
+            write_lines(("", item.link))
             _print(finished, only_score)
-    sys.stdout.flush()
     return max(item.exit_code for item in outcomes)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,6 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from analysis.reporting.comparison import CRITERION, ComparisonError, compare, difference_text
     from analysis.reporting.tables import summary_markdown
     from host.errors import UsageError, already_there, unwritable
+    from host.output.lines import write_line, write_lines, write_note
     from host.submission.comparison_sources import load_sources
 
     try:
@@ -50,10 +50,10 @@ def run(args: argparse.Namespace) -> int:
             f"these results do not follow the same rules ({error})", "compare them nevertheless with --mix"
         ) from error
     if args.out is None:
-        lines = [summary_markdown(comparison.rows).rstrip("\n"), ""]
+        lines = [*summary_markdown(comparison.rows).rstrip("\n").split("\n"), ""]
         lines += [difference_text(difference) for difference in comparison.differences]
         lines += [CRITERION] if comparison.differences else []
-        sys.stdout.write("\n".join([*lines, *comparison.notes]) + "\n")
+        write_lines([*lines, *comparison.notes])
         return 0
     files = _files(args.out, comparison)
     try:
@@ -66,9 +66,9 @@ def run(args: argparse.Namespace) -> int:
     except OSError as error:
         raise unwritable(args.out, error) from error
     for note in comparison.notes:
-        sys.stderr.write(f"rotdrift: {note}\n")
+        write_note(note)
     what = f"{len(files)} files, start with index.html" if len(files) > 1 else f"{len(comparison.rows)} rows"
-    sys.stdout.write(f"wrote {args.out}: {what}\n")
+    write_line(f"wrote {args.out}: {what}")
     return 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
 SHELLS = ("bash", "zsh", "fish")
@@ -33,7 +32,9 @@ def run(args: argparse.Namespace) -> int:
     """Print the code."""
     from argcomplete.shell_integration import shellcode
 
-    sys.stdout.write(shellcode(["rotdrift"], shell=args.shell))
+    from host.output.lines import write_text
+
+    write_text(shellcode(["rotdrift"], shell=args.shell))
     return 0
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from host.command_line.configuration import PROJECT_FILE, change, project_file, user_file
     from host.errors import UsageError
+    from host.output.lines import write_line
 
     if args.unset and (args.name is None or args.value is not None):
         raise UsageError("--unset takes the name of one setting", "rotdrift config --unset link")
@@ -51,13 +51,14 @@ def run(args: argparse.Namespace) -> int:
         path = (project_file() or Path(PROJECT_FILE)) if args.project else user_file()
         change(path, args.name, args.value)
         if not args.json:
-            sys.stdout.write(f"{path}\n")
+            write_line(path)
     _show(args.name, as_json=args.json)
     return 0
 
 
 def _show(name: str | None, *, as_json: bool) -> None:
     from host.command_line.configuration import SETTINGS, chosen_settings, setting_of
+    from host.output.lines import write_json, write_lines
 
     chosen = chosen_settings()
     settings = list(SETTINGS.values()) if name is None else [setting_of(name)]
@@ -67,15 +68,14 @@ def _show(name: str | None, *, as_json: bool) -> None:
             for setting in settings
             for found in [chosen.get(setting.name)]
         }
-        sys.stdout.write(json.dumps(values, indent=2, ensure_ascii=False) + "\n")
+        write_json(json.dumps(values, indent=2, ensure_ascii=False) + "\n")
         return
     rows = [("setting", "value", "from")]
     for setting in settings:
         found = chosen.get(setting.name)
         rows.append((setting.name, setting.built_in, "-") if found is None else _row(setting.name, found))
     widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
-    for one, value, source in rows:
-        sys.stdout.write(f"{one:{widths[0]}}  {value:{widths[1]}}  {source}\n")
+    write_lines(f"{one:{widths[0]}}  {value:{widths[1]}}  {source}" for one, value, source in rows)
 
 
 def _value(value: object) -> str | bool:

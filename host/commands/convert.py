@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 SUFFIXES = {".csv": "csv", ".tum": "tum", ".txt": "tum", ".parquet": "parquet", ".mat": "mat"}
@@ -48,6 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from analysis.formats import FORMATS, write_series
     from analysis.series import WriterError
     from host.errors import UsageError, already_there, unwritable
+    from host.output.lines import write_line, write_note
     from host.results.any_file import ReadOptions, read_recording, score_recording
 
     kind = args.to or SUFFIXES.get(args.out.suffix.lower())
@@ -73,6 +73,6 @@ def run(args: argparse.Namespace) -> int:
     except OSError as error:
         raise unwritable(args.out, error) from error
     for note in (*damage, *notes):
-        sys.stderr.write(f"rotdrift: {note}\n")
-    sys.stdout.write(f"wrote {args.out}: {len(series)} samples, {FORMATS[kind][0]}\n")
+        write_note(note)
+    write_line(f"wrote {args.out}: {len(series)} samples, {FORMATS[kind][0]}")
     return 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +35,7 @@ def run(args: argparse.Namespace) -> int:
     from host.capture.run import default_recording, run_capture
     from host.capture.settings import CaptureSettings
     from host.errors import UsageError
+    from host.output.lines import write_line
     from host.results.printout import print_score
     from host.screen.choice import open_screen
     from host.stop_signals import stop_on_signals
@@ -49,11 +49,9 @@ def run(args: argparse.Namespace) -> int:
     except ScenarioError as error:
         raise UsageError(str(error)) from error
     recording = args.out or default_recording(datetime.now().astimezone())
-    sys.stdout.write(f"starting a virtual object (scenario {scenario}) ...\n")
-    sys.stdout.flush()
+    write_line(f"starting a virtual object (scenario {scenario}) ...")
     with VirtualObjectProcess(scenario) as virtual:
-        sys.stdout.write(f"capturing {args.cycles} cycles from {virtual.link}; Ctrl-C ends it\n")
-        sys.stdout.flush()
+        write_line(f"capturing {args.cycles} cycles from {virtual.link}; Ctrl-C ends it")
         with stop_on_signals() as stop:
             finished = run_capture(
                 virtual.link, recording, CaptureSettings(cycles=args.cycles), open_screen(False), stop
@@ -61,15 +59,15 @@ def run(args: argparse.Namespace) -> int:
         truth = virtual.stop()
     print_score(finished.score, also=finished.places())
     _print_truth(finished.score, truth, heading_drift)
-    sys.stdout.flush()
     if finished.outcome.error is not None:
         raise finished.outcome.error
     return 0 if finished.score.valid else 1
 
 
 def _print_truth(score: Result, truth: dict[str, Any], heading_drift_deg_per_min: float) -> None:
-    from rich.console import Console
     from rich.text import Text
+
+    from host.output.drawings import open_console
 
     true_deg = true_drift_deg(score, truth)
     line = Text("\n")
@@ -84,7 +82,7 @@ def _print_truth(score: Result, truth: dict[str, Any], heading_drift_deg_per_min
         if heading_drift_deg_per_min and score.period_s is not None:
             share_deg = abs(heading_drift_deg_per_min) * score.period_s / 60.0
             line.append(f"\nof which up to {share_deg:.3f}° is the virtual sensor's own heading drift")
-    Console(highlight=False).print(line)
+    open_console().print(line)
 
 
 def true_drift_deg(score: Result, truth: dict[str, Any]) -> float | None:

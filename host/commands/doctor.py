@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from host.links.can.listing import list_can_ports
     from host.links.serial.listing import list_serial_ports
     from host.links.uri import parse_link_uri
+    from host.output.lines import write_json
     from host.stop_signals import stop_on_signals
 
     if not 0.5 <= args.seconds <= 3600:
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
             on_link = check_link(link, args.seconds, stop)
     findings = machine + on_link
     if args.json:
-        sys.stdout.write(json.dumps([finding.to_json() for finding in findings], indent=2, ensure_ascii=False) + "\n")
+        write_json(json.dumps([finding.to_json() for finding in findings], indent=2, ensure_ascii=False) + "\n")
     else:
         _print(findings)
     # With a link, only that link counts: a fault of a port that is not used does not matter.
@@ -71,9 +71,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print(findings: list[Finding]) -> None:
+    from host.output.lines import write_line
+
     signs = {"info": " ", "ok": "+", "doubtful": "?", "bad": "!"}
     width = max(len(finding.topic) for finding in findings)
     for finding in findings:
-        sys.stdout.write(f"{signs[finding.verdict.value]} {finding.topic:{width}}  {finding.text}\n")
+        write_line(f"{signs[finding.verdict.value]} {finding.topic:{width}}  {finding.text}")
         if finding.remedy:
-            sys.stdout.write(f"  {'':{width}}  -> {finding.remedy}\n")
+            write_line(f"  {'':{width}}  -> {finding.remedy}")

@@ -63,13 +63,14 @@ def run(args: argparse.Namespace) -> int:
     from emulator.runner import run as run_object
     from emulator.scenario import load_scenario, scenario_names
     from host.errors import FileError, LinkError, UsageError
+    from host.output.lines import error_stream, write_line
     from host.stop_signals import stop_on_signals
     from host.text import plain
 
     if args.list:
         width = max(map(len, scenario_names()))
         for name in scenario_names():
-            sys.stdout.write(f"{name:{width}}  {plain(load_scenario(name).purpose)}\n")
+            write_line(f"{name:{width}}  {plain(load_scenario(name).purpose)}")
         return 0
     _check(args)
     try:
@@ -79,14 +80,16 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(str(error)) from error
     without_effect = () if link.carries_damage else byte_faults_in(scenario.faults)
     if without_effect:
-        sys.stderr.write(
+        write_line(
             f"note: {', '.join(without_effect)} of the scenario have no effect on CAN: its controllers find damaged "
-            "frames and send them again; to lose frames, set drop_probability\n"
+            "frames and send them again; to lose frames, set drop_probability",
+            error_stream(),
         )
     if link.same_process:
-        sys.stderr.write(
+        write_line(
             "note: a virtual bus ends in this process, so no other program can reach the object: for one on this "
-            "machine, use can:udp_multicast:239.74.163.2 or can:slcan:pty\n"
+            "machine, use can:udp_multicast:239.74.163.2 or can:slcan:pty",
+            error_stream(),
         )
     try:
         with stop_on_signals() as stop:
@@ -122,8 +125,9 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _report_ready(host_uri: str) -> None:
-    sys.stdout.write(f"ready: {host_uri}\n")
-    sys.stdout.flush()
+    from host.output.lines import write_line
+
+    write_line(f"ready: {host_uri}")
 
 
 def _stop_with_stdin(stop: threading.Event) -> None:
@@ -147,6 +151,7 @@ def _faults_from_stdin() -> SimpleQueue[LiveFault]:
 
     from emulator import ScenarioError
     from emulator.faults.definitions import parse_fault_command
+    from host.output.lines import write_note
     from host.text import plain
 
     faults: SimpleQueue[LiveFault] = SimpleQueue()
@@ -157,8 +162,7 @@ def _faults_from_stdin() -> SimpleQueue[LiveFault]:
                 try:
                     faults.put(parse_fault_command(line[:1000]))
                 except ScenarioError as error:
-                    sys.stderr.write(f"rotdrift: {plain(str(error), 300)}\n")
-                    sys.stderr.flush()
+                    write_note(plain(str(error), 300))
 
     threading.Thread(target=read, name="rotdrift-faults", daemon=True).start()
     return faults

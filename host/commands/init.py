@@ -48,10 +48,11 @@ def run(args: argparse.Namespace) -> int:
     from host.cards.definitions import TABLES, cards_schema, load_cards, missing_fields
     from host.cards.questions import ask_for_cards, template
     from host.errors import UsageError
+    from host.output.lines import ask, write_line, write_lines, write_text
 
     if args.template or args.schema:
         schema = json.dumps(cards_schema(), indent=2, ensure_ascii=False) + "\n"
-        sys.stdout.write(schema if args.schema else template())
+        write_text(schema if args.schema else template())
         return 0
     files = {table: Path(args.folder) / f"{table}.toml" for table in TABLES if not args.card or table in args.card}
     if args.source:
@@ -63,16 +64,16 @@ def run(args: argparse.Namespace) -> int:
     else:
         _refuse_existing(files, force=args.force)  # before a person types all the answers
         try:
-            cards = ask_for_cards(_existing(files), tuple(files), input, print)
+            cards = ask_for_cards(_existing(files), tuple(files), ask, write_line)
         except EOFError:
-            print("\nnothing written")  # noqa: T201
+            write_lines(("", "nothing written"))
             return 1
     _refuse_existing(files, force=args.force)
     _write(cards, files)
     missing = [field for field in missing_fields(cards) if field.partition(".")[0] in files]
-    print(f"wrote {', '.join(map(str, files.values()))}")  # noqa: T201
+    write_line(f"wrote {', '.join(map(str, files.values()))}")
     if missing:
-        print(f"a complete submission also needs: {', '.join(missing)}")  # noqa: T201
+        write_line(f"a complete submission also needs: {', '.join(missing)}")
     return 0
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from typing import Any
 
 
@@ -26,6 +25,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def run(args: argparse.Namespace) -> int:
     """List the ports."""
+    from host.output.lines import write_json, write_line
+
     rows = _rows()
     if args.probe:
         from host.doctor.object_probe import objects_on
@@ -36,11 +37,9 @@ def run(args: argparse.Namespace) -> int:
         for row in rows:
             row["objects"] = found.get(row["link"], [])
     if args.json:
-        sys.stdout.write(json.dumps(rows, indent=2) + "\n")
+        write_json(json.dumps(rows, indent=2) + "\n")
     elif not rows:
-        sys.stdout.write(
-            "no serial ports or CAN interfaces here; plug the object in, or try `rotdrift demo` without one\n"
-        )
+        write_line("no serial ports or CAN interfaces here; plug the object in, or try `rotdrift demo` without one")
     else:
         _print(rows)
         if args.probe:
@@ -75,9 +74,10 @@ def _why_not(row: dict[str, Any]) -> str:
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
+
+    from host.output.drawings import open_console
 
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", pad_edge=False)
     for name in ("link", "VID:PID", "what it is", "held by"):
@@ -87,12 +87,14 @@ def _print(rows: list[dict[str, Any]]) -> None:
         cells = [row["link"], row.get("vid_pid", ""), row["description"] + state, ", ".join(row.get("owners", ()))]
         table.add_row(*(Text(cell) for cell in cells))
     # As wide as it needs: a link is there to be copied.
-    console = Console(highlight=False)
+    console = open_console()
     wide = console.measure(table, options=console.options.update(max_width=1000)).maximum
-    Console(highlight=False, width=max(console.width, wide)).print(table)
+    open_console(width=max(console.width, wide)).print(table)
 
 
 def _print_objects(rows: list[dict[str, Any]]) -> None:
+    from host.output.lines import write_lines
+
     heard = [link for row in rows for link in row["objects"]]
     listened = sum(not row["not_probed"] for row in rows)
     lines = ["", "objects heard:", *(f"  {link}" for link in heard)]
@@ -104,4 +106,4 @@ def _print_objects(rows: list[dict[str, Any]]) -> None:
     skipped = [f"  {row['link']}  ({row['not_probed']})" for row in rows if row["not_probed"]]
     if skipped:
         lines += ["", "not listened to:", *skipped]
-    sys.stdout.write("\n".join(lines) + "\n")
+    write_lines(lines)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 
@@ -31,13 +30,12 @@ def run(args: argparse.Namespace) -> int:
     FileError
         Nothing to recover, or the new file cannot be written.
     """
+    from host.output.lines import write_json, write_lines
     from host.recording.recovery import recover
 
     found = recover(args.source, args.target)
     if args.json:
-        sys.stdout.write(json.dumps(found.to_json(), indent=2) + "\n")
+        write_json(json.dumps(found.to_json(), indent=2) + "\n")
     else:
-        for sentence in found.sentences():
-            sys.stdout.write(sentence + "\n")
-        sys.stdout.write(f"written to {args.target}\n")
+        write_lines((*found.sentences(), f"written to {args.target}"))
     return 0

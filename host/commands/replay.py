@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 
@@ -38,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from host.capture.playback import play, recorded_actions, recorded_commands
     from host.capture.snapshot import difference_fact, finished_state
     from host.errors import FileError
+    from host.output.lines import write_json
     from host.recording.load import load_trial
     from host.recording.replay_link import ReplayTransport
     from host.results.printout import print_score
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         finally:
             screen.stop()
     if args.json:
-        sys.stdout.write(result_text(score))
+        write_json(result_text(score))
     else:
         also = () if live is None else difference_fact(live.score.theta_bar_deg, score)
         print_score(score, also=also, only_score=args.quiet)

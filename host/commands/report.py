@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -150,6 +149,7 @@ def _write(out: Path, built: BuiltSubmission) -> None:
 
 def _print(out: Path, built: BuiltSubmission) -> None:
     from analysis.scoring.summary import degrees
+    from host.output.lines import write_lines
 
     n = len(built.submission.trials)
     alone = out.suffix.lower() in {".html", ".pdf"}
@@ -169,4 +169,4 @@ def _print(out: Path, built: BuiltSubmission) -> None:
     lines += [f"  {note}" for note in built.notes]
     if not built.submission.complete:
         lines.append("the submission is marked incomplete")
-    sys.stdout.write("\n".join(lines) + "\n")
+    write_lines(lines)

@@ -71,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
         A file cannot be scored; the message has the place and the reason.
     """
     from host.errors import UsageError
+    from host.output.lines import write_json, write_text
     from host.results.any_file import score_recording
     from host.results.arguments import window
     from host.results.batch import expand
@@ -88,12 +89,12 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         from analysis.scoring.result import result_text
 
-        sys.stdout.write(result_text(result))
+        write_json(result_text(result))
     elif args.csv:
         from host.results.batch import BatchRow
         from host.results.csv_rows import results_csv
 
-        sys.stdout.write(results_csv([BatchRow(files[0], result, None, 0)]))
+        write_text(results_csv([BatchRow(files[0], result, None, 0)]))
     else:
         from host.results.printout import MAX_ROWS, print_score
 
@@ -104,11 +105,12 @@ def run(args: argparse.Namespace) -> int:
 
 def _run_many(files: list[Path], args: argparse.Namespace) -> int:
     """Score files into one table; return the exit code of the worst."""
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     from analysis.scoring.result import result_text
     from host.errors import UsageError
+    from host.output.drawings import open_error_console
+    from host.output.lines import write_json, write_text
     from host.results.batch import BatchRow, score_many
     from host.results.csv_rows import results_csv
     from host.results.printout import print_batch
@@ -116,7 +118,7 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
     for name, value in (("--endpoints", args.endpoints), ("--plot", args.plot), ("--preceding", args.preceding)):
         if value:
             raise UsageError(f"{name} belongs to one recording, here are {len(files)}", "score that one alone")
-    console = Console(stderr=True)
+    console = open_error_console()
     with Progress(
         TextColumn("scoring"), BarColumn(), MofNCompleteColumn(), console=console, transient=True,
         disable=not console.is_terminal,
@@ -129,9 +131,9 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
         rows = score_many(files, report, *_choices(args))
     if args.json:
         results = [{"file": str(row.path), "error": row.error, "result": row.result} for row in rows]
-        sys.stdout.write(result_text({"results": results}))
+        write_json(result_text({"results": results}))
     elif args.csv:
-        sys.stdout.write(results_csv(rows))
+        write_text(results_csv(rows))
     else:
         print_batch(rows, only_scores=args.quiet)
     return max(row.exit_code for row in rows)

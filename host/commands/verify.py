@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,6 +35,7 @@ def run(args: argparse.Namespace) -> int:
     FileError
         BUNDLE is not a submission, or it is refused.
     """
+    from host.output.lines import write_json, write_lines
     from host.submission.verification import verify_bundle
 
     found = verify_bundle(args.bundle, drawings=not args.no_drawings)
@@ -50,9 +50,9 @@ def run(args: argparse.Namespace) -> int:
             "uncompared": list(found.uncompared),
             "notes": [*found.notes, *(_uncompared_line(reason, names) for reason, names in _by_reason(found))],
         }
-        sys.stdout.write(json.dumps(values, indent=2, ensure_ascii=False) + "\n")
+        write_json(json.dumps(values, indent=2, ensure_ascii=False) + "\n")
     else:
-        sys.stdout.write("\n".join(_lines(found)) + "\n")
+        write_lines(_lines(found))
     return 0 if found.equal else 1
 
 

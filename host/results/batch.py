@@ -15,6 +15,7 @@ from pathlib import Path
 
 from analysis.scoring.result import Result
 from host.errors import FileError, HostError, UsageError
+from host.output.streams import install
 from host.results.any_file import ReadOptions, score_recording
 from host.results.result import ScoreOptions
 
@@ -123,7 +124,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     """Yield processes that end with the block: at once where it is interrupted."""
     others = set(active_children())
     # A fresh interpreter each: a fork would inherit the progress bar's thread and its locks.
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=install)
     try:
         yield pool
     except BaseException:

@@ -12,6 +12,7 @@ from rich.text import Text
 from analysis.scoring.recorded_parts import Losses
 from analysis.scoring.result import Result
 from analysis.scoring.result_parts import Diagnostics, PublishedDrift
+from host.output.drawings import draw, open_console
 from host.results.batch import BatchRow
 from host.text import plain
 
@@ -46,14 +47,8 @@ def print_score(
     ``also`` is what a command adds, a name and a text each. Of more than ``max_rows`` end points, the first and the
     last are shown.
     """
-    console = console or Console(highlight=False, soft_wrap=False)
     drawing = _headline(result) if only_score else _render_score(result, also, max_rows)
-    if console.is_terminal:
-        console.print(drawing)
-        return
-    with console.capture() as drawn:
-        console.print(drawing)
-    console.file.write("".join(f"{line.rstrip()}\n" for line in drawn.get().splitlines()))
+    draw(drawing, console or open_console())
 
 
 def _headline(result: Result) -> Text:
@@ -222,7 +217,7 @@ _COLUMNS = ("θ̄", "95 % interval", "cycles", "notes")
 
 def print_batch(rows: Sequence[BatchRow], console: Console | None = None, *, only_scores: bool = False) -> None:
     """Print a table of many recordings to standard output."""
-    console = console or Console(highlight=False)
+    console = console or open_console()
     if only_scores:
         for row in rows:
             line = Text(f"{plain(_tail(row.path), 200)}: ")

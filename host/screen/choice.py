@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TextIO
 
-from rich.console import Console
-
+from host.output.drawings import open_console
+from host.output.lines import error_stream, output_stream
 from host.screen.dashboard.theme import Theme
 from host.screen.live_screen import LiveScreen
 from host.screen.screens import LineScreen, Screen
@@ -36,10 +35,10 @@ def open_screen(json_output: bool, stream: TextIO | None = None, choice: ScreenC
     With ``json_output`` that belongs to a JSON object, and lines go to standard error.
     """
     if json_output:
-        return LineScreen(sys.stderr)
-    stream = stream or sys.stdout
+        return LineScreen(error_stream())
+    stream = stream or output_stream()
     choice = choice or ScreenChoice()
-    console = Console(file=stream)
+    console = open_console(stream)
     lines = choice.plain_lines or not console.is_terminal or console.is_dumb_terminal or not stream.isatty()
     if lines or not in_foreground(stream.fileno()):
         return LineScreen(stream)

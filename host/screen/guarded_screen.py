@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 from collections.abc import Callable
 from typing import TypeVar
 
+from host.output.lines import error_stream
 from host.screen.keys import ScreenAction
 from host.screen.screens import LineScreen, Screen
 from host.trial.guarded import Guarded
@@ -25,7 +25,7 @@ class GuardedScreen(Screen):
     def __init__(self, screen: Screen) -> None:
         self._failures: list[str] = []
         self._screen = Guarded("the screen", screen, self._failures, "lines on standard error take its place")
-        self._lines = Guarded("standard error", LineScreen(sys.stderr), self._failures, "nothing is shown any more")
+        self._lines = Guarded("standard error", LineScreen(error_stream()), self._failures, "nothing is shown any more")
 
     @property
     def problems(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import threading
 from collections import deque
 from typing import IO, Any, TextIO
 
+from host.output.lines import write_lines
 from host.screen.dashboard.theme import Theme
 from host.screen.keys import ScreenAction
 from host.screen.pipe import FrameSender, decode_action
@@ -151,9 +152,7 @@ class LiveScreen(Screen):
     def _print_reported(self) -> None:
         reported, self._reported = self._reported, []
         with contextlib.suppress(OSError, ValueError):
-            for sentence in reported:
-                print(sentence, file=self._stream)
-            self._stream.flush()
+            write_lines(reported, self._stream)
 
     def _failed(self) -> bool:
         """Return whether the screen process has ended by itself; then the terminal is restored, and lines go on.

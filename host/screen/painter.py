@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 import time
 
 from rich.color import ColorSystem
-from rich.console import Console
 from rich.style import Style
 from rich.text import Text
 
+from host.output.drawings import open_error_console
 from host.screen.dashboard.boxes import Lines
 from host.screen.dashboard.theme import Theme
 from host.screen.terminal import CLEAR, ENTER, LEAVE, Terminal
+from host.text import printable
 
 LEAVE_S = 1.0
 """How long to wait at the end for a terminal that accepts nothing."""
@@ -27,7 +27,7 @@ class Painter:
         self._terminal = terminal
         self._color = _COLORS.get(theme.color or "")
         self._encoding = "ascii" if theme.ascii_only else "utf-8"
-        self._console = Console(color_system=None, file=sys.stderr)  # rich wants one even to split a text into styles
+        self._console = open_error_console()  # rich wants one even to split a text into styles
         self._lines: list[str] = []  # as they stand on the terminal
         self._size = (0, 0)
         self._unsent = b""
@@ -87,7 +87,8 @@ class Painter:
     def _codes(self, line: Text) -> str:
         """Return a line as text with colour codes."""
         out = []
-        for text, style, _ in line.render(self._console):
+        for shown, style, _ in line.render(self._console):
+            text = printable(shown)  # here at the latest: names and notes are foreign
             if style is None:
                 out.append(text)
             elif self._color is None:

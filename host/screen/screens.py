@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 from typing import TextIO
 
+from host.output.lines import write_line
 from host.screen.keys import ScreenAction
 from host.text import plain
 from host.trial.state import CycleRow, TrialState
@@ -96,7 +97,7 @@ class LineScreen(Screen):
 
     def _print(self, line: str) -> None:
         try:
-            print(line, file=self._stream, flush=True)
+            write_line(line, self._stream)
         except (BrokenPipeError, ValueError):
             # Whoever read this has gone; the capture goes on.
             self._stream = io.StringIO()
