@@ -10,6 +10,9 @@ from typing import TextIO
 from host.output.streams import KEPT
 from host.text import one_line, printable, printable_json
 
+_OURS = ("Traceback ", "  File ", "\n")
+"""How pieces of a traceback begin that hold no message."""
+
 
 def write_line(text: object = "", stream: TextIO | None = None) -> None:
     """Print one line, by default to standard output; line ends inside the text become blanks."""
@@ -37,9 +40,12 @@ def write_note(sentence: object) -> None:
 
 
 def write_traceback(error: BaseException) -> None:
-    """Print where an error came from, to standard error."""
-    lines = traceback.format_exception(error)
-    _write(printable("".join(lines), KEPT), sys.stderr)
+    """Print where an error came from, to standard error; further lines of a message are marked as such."""
+    pieces = traceback.format_exception(error)
+    marked = (
+        piece if piece.startswith(_OURS) else "\n  | ".join(piece.rstrip("\n").split("\n")) + "\n" for piece in pieces
+    )
+    _write(printable("".join(marked), KEPT), sys.stderr)
 
 
 def error_stream() -> TextIO:
