@@ -2,12 +2,14 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet
+# Every file that is installed is one whose hash stands in requirements/; what is built is built with what is there.
+PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install --quiet --no-build-isolation
+LOCKED := $(PIP) --require-hashes
 
 # The tests start Python some hundred times; without byte code each start compiles everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test lint format recordings bench bench-quick docs fuzz clean
+.PHONY: demo test lint format recordings bench bench-quick docs fuzz lock audit dist clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -15,22 +17,23 @@ $(BIN)/python:
 	  { echo "rotdrift needs Python 3.11 or newer; name one with: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.run: pyproject.toml constraints.txt | $(BIN)/python
+$(VENV)/.build: requirements/build.txt | $(BIN)/python
 	@echo "Setting up $(VENV) (once) ..."
-	@$(PIP) --editable .
+	@$(LOCKED) -r $<
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
-	@echo "Setting up $(VENV) for development (once) ..."
-	@$(PIP) --editable '.[dev]'
+$(VENV)/.run: requirements/run.txt pyproject.toml $(VENV)/.build
+	@$(LOCKED) -r $<
+	@$(PIP) --no-deps --editable .
+	@touch $@
+
+$(VENV)/.dev: requirements/dev.txt requirements/run.txt pyproject.toml $(VENV)/.build
+	@$(LOCKED) -r $<
+	@$(PIP) --no-deps --editable .
 	@touch $@ $(VENV)/.run
 
-$(VENV)/.docs: pyproject.toml constraints.txt | $(BIN)/python
-	@$(PIP) --editable '.[docs]'
-	@touch $@
-
-$(VENV)/.bench: pyproject.toml constraints.txt | $(BIN)/python
-	@$(PIP) --editable '.[bench]'
+$(VENV)/.docs $(VENV)/.bench $(VENV)/.release: $(VENV)/.%: requirements/%.txt $(VENV)/.build
+	@$(LOCKED) -r $<
 	@touch $@
 
 demo: $(VENV)/.run
@@ -41,7 +44,7 @@ test: $(VENV)/.dev
 
 # The checkers of the C library are 160 MB; where they cannot be had, the compilers check alone.
 lint: $(VENV)/.dev
-	-@$(PIP) --editable '.[c]'
+	-@$(LOCKED) -r requirements/c.txt
 	$(BIN)/python -m tests.c_library.lint
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -69,11 +72,27 @@ docs: $(VENV)/.dev $(VENV)/.docs
 # Hostile input: mutated seeds for every target, then atheris (Linux) from the same seeds. RUNS=1000000 make fuzz
 RUNS ?= 20000
 fuzz: $(VENV)/.dev
-	-@$(PIP) --editable '.[fuzz]'
+	-@$(LOCKED) -r requirements/fuzz.txt
 	$(BIN)/python -m tests.fuzz --runs $(RUNS)
 	for target in stream can recording cards scenario series bag; do \
 	  $(BIN)/python -m tests.fuzz $$target --atheris --runs $(RUNS) || exit 1; done
 	$(BIN)/python -m tests.c_library.fuzz --runs $(RUNS)
+
+# Versions and hashes of all that is installed. New versions: make lock UPGRADE=1
+lock: $(VENV)/.release
+	$(BIN)/python -m release.lock $(if $(UPGRADE),--upgrade)
+
+# Known vulnerabilities of what is installed to run; the database is asked over the network.
+audit: $(VENV)/.release
+	$(BIN)/pip-audit --requirement requirements/run.txt --require-hashes --disable-pip
+
+# Wheel, sdist, what is in them (CycloneDX), and their hashes; the same commit gives the same bytes.
+dist: $(VENV)/.run $(VENV)/.release
+	rm -rf dist build
+	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(BIN)/python -m build --no-isolation
+	$(BIN)/cyclonedx-py requirements requirements/run.txt --pyproject pyproject.toml --output-reproducible \
+	  --output-file dist/rotdrift.cdx.json
+	cd dist && sha256sum * > SHA256SUMS
 
 clean:
 	rm -rf $(VENV) build *.egg-info
