@@ -19,7 +19,7 @@ FOLDER = ROOT / "requirements"
 HEADING = "# Every version a set-up uses, so that today's and next year's agree. Renew by: see CONTRIBUTING.md.\n"
 MADE = "# Made by `make lock` from pyproject.toml and constraints.txt.\n"
 SETS = ("dev", "docs", "bench", "c", "fuzz", "release")
-"""Extras of pyproject.toml that are set up on their own; ``run`` has what the program needs, ``build`` what builds it."""
+"""Extras that are set up on their own; ``run`` has what the program needs, ``build`` what builds it."""
 FIRST_PYTHON = "3.11"
 DOCS_PYTHON = "3.11.5"
 """The tools of the documentation need a later one."""

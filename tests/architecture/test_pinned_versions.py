@@ -1,18 +1,27 @@
-"""A set-up today and one next year agree: every package that any of them brings is pinned."""
+"""A set-up today and one next year agree, to the byte: versions and hashes of all that any of them brings."""
 
 import re
+import tomllib
 from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 
+import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[2]
-PINS = {
-    canonicalize_name(name): version
-    for name, version in re.findall(r"^([\w.-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
-}
-EXTRAS = ("", "multicast", "parquet", "ros", "bench", "c", "docs", "fuzz", "dev")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PIN = re.compile(r"^([\w.-]+)==([^\s;]+)", re.MULTILINE)
+EXTRAS = tuple(PROJECT["project"]["optional-dependencies"])
+SETS = {path.stem: path.read_text() for path in sorted((ROOT / "requirements").glob("*.txt"))}
+RENEW = "run `make lock`"
+
+
+def pins(text):
+    return {canonicalize_name(name): version for name, version in PIN.findall(text)}
+
+
+PINS = pins((ROOT / "constraints.txt").read_text())
 
 
 def needed_by(distribution, extras):
@@ -23,27 +32,37 @@ def needed_by(distribution, extras):
             yield requirement
 
 
-def closure():
-    """Every distribution that a set-up needs, as far as those installed here say, with who needs it."""
+def declared(*extras):
+    """What pyproject.toml declares, with these extras; not what it declared when it was installed here."""
+    lines = [*PROJECT["project"]["dependencies"]]
+    for extra in extras:
+        lines += PROJECT["project"]["optional-dependencies"][extra]
+    for requirement in map(Requirement, lines):
+        if requirement.name == "rotdrift":
+            yield from declared(*requirement.extras)
+        elif requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+            yield requirement
+
+
+def closure(*extras):
+    """Every distribution that a set-up needs, as far as those installed here name it, with who needs it."""
     found = {}
-    waiting = [("rotdrift", EXTRAS)]
+    waiting = [(requirement, "rotdrift") for requirement in declared(*extras)]
     while waiting:
-        name, extras = waiting.pop()
+        requirement, user = waiting.pop()
+        key = canonicalize_name(requirement.name)
+        if key in found:
+            continue
+        found[key] = user
         try:
-            needed = list(needed_by(name, extras))
+            waiting += [(needed, key) for needed in needed_by(key, ("", *requirement.extras))]
         except PackageNotFoundError:
             continue  # of an extra that is not installed here
-        for requirement in needed:
-            key = canonicalize_name(requirement.name)
-            if key not in found:
-                found[key] = name
-                waiting.append((key, ("", *requirement.extras)))
     return found
 
 
 def test_every_package_is_pinned():
-    missing = {name: user for name, user in closure().items() if name not in PINS and name != "rotdrift"}
-    assert missing == {}, "write them into constraints.txt"
+    assert {name: user for name, user in closure(*EXTRAS).items() if name not in PINS} == {}, RENEW
 
 
 def test_the_file_holds_pins_and_nothing_else():
@@ -54,6 +73,57 @@ def test_the_file_holds_pins_and_nothing_else():
 
 def test_what_is_declared_is_what_is_pinned():
     """A pin outside the declared range could never be installed."""
-    for requirement in needed_by("rotdrift", EXTRAS):
-        if requirement.name != "rotdrift":
-            assert requirement.specifier.contains(PINS[canonicalize_name(requirement.name)]), requirement
+    for requirement in [*declared(*EXTRAS), *map(Requirement, PROJECT["build-system"]["requires"])]:
+        assert requirement.specifier.contains(PINS[canonicalize_name(requirement.name)]), requirement
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_every_version_in_a_set_is_the_pinned_one_and_has_hashes(name):
+    blocks = re.findall(r"^\S.*\n(?:[ \t].*\n)*", SETS[name], re.MULTILINE)
+    for block in blocks:
+        if not block.startswith(("#", "-r run.txt\n")):
+            ((package, version),) = pins(block).items()
+            assert PINS[package] == version, RENEW
+            assert re.fullmatch(r"\S+( ; [^\\]+)?(?: \\\n    --hash=sha256:[0-9a-f]{64})+\n", block), block
+    assert len(blocks) > 1
+
+
+@pytest.mark.parametrize("name", [name for name in SETS if name != "build"])
+def test_a_set_holds_all_that_it_needs(name):
+    there = pins(SETS["run"]) | pins(SETS[name])
+    extras = () if name == "run" else (name,)
+    assert {package: user for package, user in closure(*extras).items() if package not in there} == {}, RENEW
+
+
+def test_a_set_for_another_system_holds_what_that_needs():
+    """Made for all of them at once: packages of Windows and macOS alone are in it, with their condition."""
+    assert re.search(r"^colorama==\S+ ; .*sys_platform == 'win32'", SETS["run"] + SETS["dev"], re.MULTILINE)
+    assert re.search(r"^appnope==\S+ ; .*sys_platform == 'darwin'", SETS["dev"], re.MULTILINE)
+
+
+def test_nothing_is_installed_but_by_hash():
+    lines = [line for line in (ROOT / "Makefile").read_text().splitlines() if "$(PIP)" in line or "$(LOCKED)" in line]
+    assert lines[0] == "LOCKED := $(PIP) --require-hashes"
+    assert len(lines) > 5
+    for line in lines[1:]:
+        assert "$(LOCKED) -r" in line or line.strip() == "@$(PIP) --no-deps --editable .", line
+    assert "pip install" not in (ROOT / ".ci" / "run").read_text()
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / ".github" / "workflows").glob("*.yml")), ids=lambda path: path.stem)
+def test_workflows_use_actions_by_commit_and_have_no_right_that_they_do_not_name(path):
+    text = path.read_text()
+    used = re.findall(r"uses: (.*)", text)
+    assert all(re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", action) for action in used), used
+    assert "\npermissions:\n  contents: read\n" in text
+    assert text.count("timeout-minutes:") == text.count("runs-on:")
+    for line in re.findall(r"^.*pip install.*$", text, re.MULTILINE):
+        assert "--require-hashes" in line or "--no-deps ." in line, line
+
+
+def test_versions_and_actions_are_renewed_once_a_month():
+    assert re.search(r'cron: "\d+ \d+ \d+ \* \*"', (ROOT / ".github/workflows/update.yml").read_text())
+    assert "make lock UPGRADE=1" in (ROOT / ".github/workflows/update.yml").read_text()
+    dependabot = (ROOT / ".github/dependabot.yml").read_text()
+    assert "github-actions" in dependabot
+    assert "interval: monthly" in dependabot
