@@ -16,7 +16,7 @@ from types import ModuleType
 from host.command_line.parser import Parser
 from host.commands import COMMANDS
 from host.errors import HostError, unreadable
-from host.output.lines import write_note, write_traceback
+from host.output.lines import write_note, write_text, write_traceback
 from host.output.streams import discard_output, flush_output, install, installed, output_at_terminal
 from host.text import plain
 from host.version import VERSION
@@ -111,7 +111,7 @@ def _parse(words: list[str]) -> argparse.Namespace:
 
         complete(parser)
     if not words:
-        parser.print_help()
+        write_text(parser.format_help())
         parser.exit()
     args, unknown = parser.parse_known_args(words)
     (subparsers,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
