@@ -2,43 +2,57 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol.packets import SEQUENCE_MODULUS
+from host.clock.unwrap import changes
 
 IntArray = npt.NDArray[np.int64]
 
 HALF = SEQUENCE_MODULUS // 2
-MAX_PERIOD_SAMPLES = 32
-"""Longest run over which the sample period is measured."""
-FEW = 100
+INTERVALS_KEPT = 32
+"""The sample period is the median of so many intervals."""
+LONGEST_US = 2**62
+FEW = 24
 """Up to so many samples a loop is faster than arrays. Measured."""
 
 
 class SequenceUnwrapper:
     """Counts samples over gaps of any length, as long as the device clock runs.
 
-    Between two samples the number's change is known modulo 65536. A gap of more than 32767 samples (33 s at 1 kHz) is
-    ambiguous by itself, so the number of wraps is taken from the time between the samples, divided by the sample period
-    that was measured on undisturbed neighbours. It is right while the product of gap and period error stays below 32768
-    samples: a day at 1 kHz for 300 ppm.
+    Between the newest sample so far and the next one the number's change is known modulo 65536. A gap of more than
+    32767 samples (33 s at 1 kHz) is ambiguous by itself, so the number of wraps is taken from the time between the two,
+    divided by the sample period that was measured on undisturbed neighbours. It is right while the product of gap and
+    period error stays below 32768 samples: a day at 1 kHz for 300 ppm.
+
+    A sample's number follows from the samples before it, never from how many are fed at once: a recording is read in
+    other pieces than those in which it came.
     """
 
     def __init__(self) -> None:
-        self._last: int | None = None
-        self._last_us = 0
-        self.period_us: float | None = None
+        self._newest: int | None = None  # largest number so far; before the first sample, the one before its number
+        self._newest_us = -1  # its device time; negative where no sample has come yet
+        self._before: tuple[int, int] | None = None  # number and device time of the last sample in wire order
+        self._intervals_us: deque[int] = deque(maxlen=INTERVALS_KEPT)  # between neighbours that nothing came between
+        self._shortest_us = LONGEST_US  # not above any of these; their median is worked out for long pauses alone
+
+    @property
+    def period_us(self) -> float | None:
         """Sample period as measured, us of the device clock; None before two neighbours came."""
+        found = sorted(self._intervals_us)
+        return float(found[len(found) // 2]) if found else None
 
     def restart(self, start: int | None = None) -> None:
         """Forget the last sample: the device was reset. If a STATUS reported the next number, it is ``start``."""
-        self._last = None if start is None else start - 1
-        self._last_us = -1
+        self._newest = None if start is None else start - 1
+        self._newest_us, self._before = -1, None
 
     def rebase_time(self, device_time_us: int) -> None:
-        """Set what the device clock would have read at the last sample, after the clock was stepped."""
-        self._last_us = device_time_us
+        """Set what the device clock would have read at the newest sample, after the clock was stepped."""
+        self._newest_us, self._before = device_time_us, None
 
     def feed(self, sequence: npt.NDArray[np.uint16], device_time_us: IntArray) -> IntArray:
         """Unwrap the numbers of n >= 1 samples in wire order.
@@ -55,56 +69,65 @@ class SequenceUnwrapper:
         (n,) int64
             Unwrapped numbers. The first ever is kept as it is, or read nearest to ``start``.
         """
-        run = self._undisturbed_run(sequence, device_time_us)
-        if run is not None:
-            return run
-        numbers = sequence.astype(np.int64)
-        if self._last is None:
-            self._last, self._last_us = int(numbers[0]) - 1, -1
-        change = np.diff(numbers, prepend=self._last)
-        change = (change + HALF) % SEQUENCE_MODULUS - HALF
-        if self.period_us is not None and self._last_us >= 0:
-            elapsed_us = np.diff(device_time_us, prepend=self._last_us)
-            # Only a pause that could hold half a wrap is in doubt; the arithmetic is skipped for all others.
-            if elapsed_us.max() > HALF // 2 * self.period_us:
-                wraps = np.rint((elapsed_us / self.period_us - change) / SEQUENCE_MODULUS).astype(np.int64)
-                change += np.where(elapsed_us > HALF // 2 * self.period_us, wraps, 0) * SEQUENCE_MODULUS
-        unwrapped: IntArray = self._last + np.cumsum(change)
-        self._measure(unwrapped, device_time_us)
-        newest = int(np.argmax(unwrapped))
-        if unwrapped[newest] >= self._last or self._last_us < 0:
-            self._last, self._last_us = int(unwrapped[newest]), int(device_time_us[newest])
-        return unwrapped
+        if len(sequence) > FEW:
+            together = self._together(sequence, device_time_us)
+            if together is not None:
+                return together
+        numbers = map(self._next, sequence.tolist(), device_time_us.tolist())
+        return np.fromiter(numbers, dtype=np.int64, count=len(sequence))
 
-    def _undisturbed_run(self, sequence: npt.NDArray[np.uint16], device_time_us: IntArray) -> IntArray | None:
-        """Count on where every sample follows the one before, as nearly always, without the cost of arrays."""
-        if self._last is None or self.period_us is None or self._last_us < 0:
+    def _next(self, sequence: int, time_us: int) -> int:
+        """Unwrap the number of the next sample."""
+        newest = sequence - 1 if self._newest is None else self._newest
+        change = (sequence - newest + HALF) % SEQUENCE_MODULUS - HALF
+        elapsed_us = time_us - self._newest_us
+        # Only a pause that could hold half a wrap is in doubt.
+        if self._newest_us >= 0 and elapsed_us > HALF // 2 * self._shortest_us:
+            period_us = self.period_us
+            if period_us is not None and elapsed_us > HALF // 2 * period_us:
+                change += round((elapsed_us / period_us - change) / SEQUENCE_MODULUS) * SEQUENCE_MODULUS
+        number = newest + change
+        if self._before is not None and number - self._before[0] == 1 and time_us > self._before[1]:
+            interval_us = time_us - self._before[1]
+            self._intervals_us.append(interval_us)
+            self._shortest_us = min(self._shortest_us, interval_us)
+        self._before = number, time_us
+        if number > newest or self._newest_us < 0:
+            self._newest, self._newest_us = number, time_us
+        return number
+
+    def _together(self, sequence: npt.NDArray[np.uint16], device_time_us: IntArray) -> IntArray | None:
+        """Unwrap many at once, as :meth:`_next` would one by one.
+
+        None, and nothing is taken into account, where one is half a wrap or more from the newest before it, or a pause
+        could hold so many samples.
+        """
+        if self._newest is None or self._newest_us < 0 or self._before is None or not self._intervals_us:
             return None
-        n = len(sequence)
-        elapsed_us = int(device_time_us[-1]) - self._last_us
-        if not 0 < elapsed_us < HALF // 2 * self.period_us:
-            return None
-        wanted = self._last + 1
-        if n > FEW:
-            run = np.arange(wanted, wanted + n, dtype=np.int64)
-            if not np.array_equal(run.astype(np.uint16), sequence):  # the cast wraps as the numbers do
-                return None
-            wanted += n
+        before, before_us = self._before
+        steps = changes(sequence, before % SEQUENCE_MODULUS).view(np.int16)
+        numbers: IntArray = np.cumsum(steps, dtype=np.int64)
+        numbers += before
+        intervals_us = changes(device_time_us, before_us)
+        if before == self._newest and bool((steps > 0).all()):  # each is newer than all before it, as nearly always
+            pauses_us, last = intervals_us, len(numbers) - 1
         else:
-            for number in sequence.tolist():
-                if number != wanted % SEQUENCE_MODULUS:
-                    return None
-                wanted += 1
-            run = np.arange(self._last + 1, wanted, dtype=np.int64)
-        self._last, self._last_us = wanted - 1, int(device_time_us[-1])
-        self.period_us += (elapsed_us / n - self.period_us) / MAX_PERIOD_SAMPLES
-        return run
-
-    def _measure(self, unwrapped: IntArray, device_time_us: IntArray) -> None:
-        """Learn the sample period: the median of what lies between undisturbed neighbours."""
-        numbers, times_us = unwrapped[-MAX_PERIOD_SAMPLES:], device_time_us[-MAX_PERIOD_SAMPLES:]
-        if self._last is not None and self._last_us >= 0 and len(numbers) == len(unwrapped):
-            numbers, times_us = np.append(self._last, numbers), np.append(self._last_us, times_us)
-        between_us = np.diff(times_us)[np.diff(numbers) == 1]
-        if len(between_us) and np.median(between_us) > 0:
-            self.period_us = float(np.median(between_us))
+            newest = np.maximum.accumulate(np.concatenate(([self._newest], numbers)))
+            away = numbers - newest[:-1]
+            if int(away.max()) >= HALF or int(away.min()) < -HALF:
+                return None
+            # Which sample is the newest so far: the first of those with its number; -1 for the one before them all.
+            places = np.maximum.accumulate(np.where(away > 0, np.arange(len(numbers)), -1))
+            last = int(places[-1])
+            times_us = np.concatenate(([self._newest_us], device_time_us))
+            pauses_us = device_time_us - times_us[np.concatenate(([0], places[:-1] + 1))]
+        neighbours_us = intervals_us[(steps == 1) & (intervals_us > 0)]
+        shortest_us = min(*self._intervals_us, int(neighbours_us.min()) if len(neighbours_us) else LONGEST_US)
+        if int(pauses_us.max()) > HALF // 2 * shortest_us:
+            return None
+        self._intervals_us.extend(neighbours_us[-INTERVALS_KEPT:].tolist())
+        self._shortest_us = min(self._intervals_us)
+        self._before = int(numbers[-1]), int(device_time_us[-1])
+        if last >= 0:
+            self._newest, self._newest_us = int(numbers[last]), int(device_time_us[last])
+        return numbers

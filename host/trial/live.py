@@ -138,16 +138,22 @@ class Trial:
         return update
 
     def finish(self) -> TrialUpdate:
-        """Process what the link still holds: no chunk follows."""
-        return self._feed_items(self.link.flush())
+        """Process what link and assembler still hold, as the reading of a recording does at its end.
 
-    def _feed_items(self, items: list[StreamItem]) -> TrialUpdate:
+        No chunk follows: what waited for an answer counts as the object's own.
+        """
+        return self._feed_items(self.link.flush(), is_last=True)
+
+    def _feed_items(self, items: list[StreamItem], *, is_last: bool = False) -> TrialUpdate:
         sampled = any(isinstance(item, OrientationBatch) for item in items)
         if sampled:
             self._sampled_ns = self._heard_ns
         cycles: list[CycleRow] = []
         self.assembler.damaged(self.link.take_damage())
-        for block in self.assembler.feed(items, self._heard_ns):
+        blocks = self.assembler.feed(items, self._heard_ns)
+        if is_last:
+            blocks += self.assembler.release()
+        for block in blocks:
             cycles += self._feed_block(block)
         decoded, self._decoded = self._decoded, []
         return TrialUpdate(items, sampled, decoded, cycles)
