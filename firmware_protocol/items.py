@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
 
 from firmware_protocol import codec
 from firmware_protocol.errors import MalformedPacketError, UnknownPacketTypeError, UnsupportedVersionError
@@ -70,6 +73,23 @@ class StreamCounters(FrameCounters):
     """INFO packets of another major version."""
     extended: int = 0
     """Of the packets delivered, those with fields of a newer minor version at their end."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocatedPackets:
+    """The packets of many reads put end to end, and where in them each packet is complete."""
+
+    samples: OrientationBatch
+    """All n samples, in wire order."""
+    ends: npt.NDArray[np.int64] | None
+    """(n,) of bytes, the place of the delimiter behind each sample; of CAN frames, which frame it is. None where not
+    wanted."""
+    others: Sequence[tuple[int, Packet | ForeignInfo, int]]
+    """Every other packet, in wire order: before which of the samples it came, the packet, and where it is complete."""
+
+    def items(self) -> list[StreamItem]:
+        """Return all packets in wire order; samples with nothing else between them come as one batch."""
+        return in_wire_order(self.samples, ((position, packet) for position, packet, _ in self.others))
 
 
 def in_wire_order(samples: OrientationBatch, others: Iterable[tuple[int, Packet | ForeignInfo]]) -> list[StreamItem]:

@@ -25,6 +25,11 @@ class Boots:
         """Whether two objects with this node id are on the bus: their boot tags come back in turn."""
         return self._n_returned >= 2
 
+    def are_known(self, states: npt.NDArray[np.uint64]) -> bool:
+        """Return whether SAMPLE_STATE frames, as u64, are all of the present boot, or of an object without boot tags."""
+        tags = states >> np.uint64(56)
+        return bool(((tags == 0) | (tags == self._tag)).all())
+
     def starts(self, function: npt.NDArray[Any], records: FrameArray, expected: int | None) -> list[int]:
         """Return the rows at which the object has started again.
 

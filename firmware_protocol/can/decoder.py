@@ -31,11 +31,11 @@ from firmware_protocol.can.mapping import (
     arbitration_id,
 )
 from firmware_protocol.can.rare_frames import RareFrames
-from firmware_protocol.can.samples import SAMPLE, STATE, TIME, WHOLE_SAMPLE, SampleDecoder
+from firmware_protocol.can.samples import SAMPLE, STATE, TIME, WHOLE_SAMPLE, FoundSamples, SampleDecoder
 from firmware_protocol.can.traffic import Traffic
 from firmware_protocol.errors import MalformedPacketError, PacketValueError
-from firmware_protocol.items import StreamItem, Tally, in_wire_order
-from firmware_protocol.packets import OrientationBatch, PacketType
+from firmware_protocol.items import ForeignInfo, LocatedPackets, StreamItem, Tally, in_wire_order
+from firmware_protocol.packets import OrientationBatch, Packet, PacketType
 
 _ANY_LENGTH = 255
 _LENGTHS = np.full(WHOLE, _ANY_LENGTH, np.uint8)
@@ -101,6 +101,29 @@ class CanStreamDecoder:
             return []
         return self._feed_frames(records) if len(records) else []
 
+    def feed_located(self, data: bytes) -> LocatedPackets | None:
+        """Process many frame batches put end to end; return what they complete, and with which frame each packet.
+
+        None, and nothing is taken into account, where packets could depend on how many batches are fed at once: then
+        :meth:`feed` them one by one.
+        """
+        try:
+            records = frame_array(data)
+        except MalformedPacketError:
+            return None
+        rows = self._traffic.rows_of_own(records)
+        own = records[rows]
+        function = own["arbitration_id"] >> NODE_BITS
+        if self._boots.in_conflict or not _right_lengths(function, own).all():
+            return None
+        if not (self._boots.are_known(own["code"][function == STATE]) and self._samples.are_plain(function, own)):
+            return None
+        self._traffic.own(records)
+        self._tally["frames"] += len(own)
+        found, others = self._decode_located(function, own)
+        ends = rows[found.rows].astype(np.int64)
+        return LocatedPackets(found.batch, ends, [(place, packet, int(rows[row])) for place, packet, row in others])
+
     def flush(self) -> list[StreamItem]:
         """Return the samples still held, numbered as well as can be: no TIME frame will follow."""
         held = self._samples.take_held()
@@ -156,24 +179,30 @@ class CanStreamDecoder:
 
     def _decode(self, function: npt.NDArray[Any], records: FrameArray, is_last: bool = False) -> list[StreamItem]:
         """Decode frames of one boot."""
+        found, others = self._decode_located(function, records, is_last)
+        return in_wire_order(found.batch, ((position, packet) for position, packet, _ in others))
+
+    def _decode_located(
+        self, function: npt.NDArray[Any], records: FrameArray, is_last: bool = False
+    ) -> tuple[FoundSamples, list[tuple[int, Packet | ForeignInfo, int]]]:
+        """Decode frames of one boot; return the samples, and all others: before which of these, and in which frame."""
         found = self._samples.decode(function, records, is_last)
-        rows, bad_rows, batch = found.rows, found.bad_rows, found.batch
         if self._boots.in_conflict:
-            self._tally["refused"] += len(rows)
-            rows, bad_rows, batch = rows[:0], np.concatenate([bad_rows, rows]), batch.part(slice(0))
-        if len(bad_rows):
-            self._damage += (self._n_samples + np.searchsorted(rows, np.sort(bad_rows))).tolist()
-        self._n_samples += len(rows)
-        others = []
+            self._tally["refused"] += len(found.rows)
+            found = found.refused()
+        if len(found.bad_rows):
+            self._damage += (self._n_samples + np.searchsorted(found.rows, np.sort(found.bad_rows))).tolist()
+        self._n_samples += len(found.rows)
+        others: list[tuple[int, Packet | ForeignInfo, int]] = []
         is_rare = (function != SAMPLE) & (function != WHOLE_SAMPLE) & (function != TIME) & (function != STATE)
         for row in np.flatnonzero(is_rare).tolist():
             before = found.counter_before(row)
             reference = self._samples.expected if before is None else before
-            position = int(np.searchsorted(rows, row))
+            position = int(np.searchsorted(found.rows, row))
             packets = self._rare.feed(int(function[row]), records[row], reference, self._samples.timeline)
-            others += [(position, packet) for packet in packets]
+            others += [(position, packet, row) for packet in packets]
         self._samples.forget_past()
-        return in_wire_order(batch, others)
+        return found, others
 
 
 def _right_lengths(function: npt.NDArray[Any], records: FrameArray) -> npt.NDArray[np.bool_]:

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from firmware_protocol.can.few_samples import next_samples
 from firmware_protocol.can.frames import FrameArray
-from firmware_protocol.can.mapping import NODE_BITS, WHOLE, CanFunction
-from firmware_protocol.can.numbering import LATE_WINDOW, MAX_HELD, Marks, Numbering
+from firmware_protocol.can.mapping import COUNTER_MODULUS, NODE_BITS, SEQUENCE_MODULUS, WHOLE, CanFunction
+from firmware_protocol.can.numbering import LATE_WINDOW, MAX_HELD, SILENCE_SAMPLES, Marks, Numbering
 from firmware_protocol.can.timeline import Timeline
 from firmware_protocol.codec import ORIENTATION_DTYPE
 from firmware_protocol.items import Tally
@@ -26,6 +26,8 @@ SAMPLE = int(CanFunction.ORIENTATION)
 WHOLE_SAMPLE = WHOLE | SAMPLE
 TIME = int(CanFunction.TIME)
 STATE = int(CanFunction.SAMPLE_STATE)
+MAX_STEP = 100
+"""Samples missing in a row that are still plain: far below what eight bits could mistake."""
 _WHOLE_DTYPE = np.dtype([("size", "u1"), ("packet", ORIENTATION_DTYPE)])
 
 
@@ -48,6 +50,11 @@ class FoundSamples:
         """Return the counter of the last classic sample before a frame; None where there is none."""
         before = int(np.searchsorted(self.numbered_rows, row))
         return int(self.counters[before - 1]) if before else None
+
+    def refused(self) -> FoundSamples:
+        """Return the same frames, with no sample that can be used."""
+        bad_rows = np.concatenate([self.bad_rows, self.rows])
+        return FoundSamples(self.rows[:0], self.batch.part(slice(0)), bad_rows, self.numbered_rows, self.counters)
 
     def joined(self, rows: RowArray, batch: OrientationBatch, bad_rows: RowArray) -> FoundSamples:
         """Return these and other samples of the same frames, in wire order.
@@ -95,6 +102,34 @@ class SampleDecoder:
     def holds(self) -> bool:
         """Whether samples wait for the TIME frame that shows which they are."""
         return self._held is not None
+
+    def are_plain(self, function: npt.NDArray[Any], records: FrameArray) -> bool:
+        """Return whether every sample follows plainly from the frames before it, so that many can be decoded together.
+
+        Else frames that come later could have a say in earlier samples: a TIME frame that jumps, a silence in which
+        samples may be missing unseen. The parameters are those of :meth:`decode`.
+        """
+        numbering, newest = self._numbering, self.timeline.newest
+        expected = numbering.expected
+        if expected is None or newest is None or self.holds or not self.timeline.is_before(expected):
+            return False
+        if numbering.newest is not None and numbering.newest >= expected:
+            return False
+        codes = records["code"]
+        if (codes[function == STATE] >> np.uint64(40) & np.uint64(0xFFFF) != newest.rate_hz).any():
+            return False
+        counted = (function == SAMPLE) | (function == TIME) | (function == STATE)
+        codes, is_sample = codes[counted], function[counted] == SAMPLE
+        # Each frame shows the counter of the next sample: a sample its own, TIME and SAMPLE_STATE that of the one to come.
+        low_bits = (codes & np.uint64(SEQUENCE_MODULUS - 1)).astype(np.int64)
+        steps = (low_bits - np.concatenate(([expected], low_bits + is_sample))[:-1]) % SEQUENCE_MODULUS
+        counters = expected + np.cumsum(steps + is_sample) - is_sample
+        as_shown = (codes & np.uint64(COUNTER_MODULUS - 1)) == (counters % COUNTER_MODULUS).astype(np.uint64)
+        if (steps > MAX_STEP).any() or not (as_shown | is_sample).all():
+            return False
+        heard = records["host_time_ns"][counted & (function != STATE)]
+        waits_ns = np.diff(heard, prepend=numbering.silence.heard_ns)
+        return bool(((waits_ns >= 0) & (waits_ns <= SILENCE_SAMPLES * self.timeline.period_ns)).all())
 
     def take_held(self) -> FrameArray | None:
         """Return the frames held, and hold them no longer: they go in front of the next ones."""

@@ -67,6 +67,11 @@ class Timeline:
             )
         return self._newest
 
+    def is_before(self, counter: int) -> bool:
+        """Return whether all frames came in order, and none is of a sample behind this one."""
+        both = self._mark_counters, self._state_counters
+        return all((np.diff(edges) >= 0).all() and (edges <= counter).all() for edges in both)
+
     def add_marks(self, codes: CodeArray, reference: int) -> IntArray:
         """Enter TIME frames (k,) as u64; return their counters (k,), unwrapped near the reference."""
         self._newest = None

@@ -24,6 +24,11 @@ class Traffic:
         """The object followed; None while none has been heard."""
         self._tally = tally
 
+    def rows_of_own(self, records: FrameArray) -> npt.NDArray[np.intp]:
+        """Return which frames :meth:`own` would return, counting nothing; none where the object is not known yet."""
+        own = (records["arbitration_id"] & NODE_MASK) == (self.node or NODE_MASK + 1)
+        return np.flatnonzero(own & _is_ours(records))
+
     def own(self, records: FrameArray) -> FrameArray:
         """Return the data frames of the object, those from a host to it among them."""
         self._tally["bytes"] += int(records["length"].sum())

@@ -10,7 +10,6 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import sqrt
 from types import MappingProxyType
 
@@ -18,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol import codec
-from firmware_protocol.items import ForeignInfo, StreamCounters, StreamItem, Tally, decode_counted, in_wire_order
+from firmware_protocol.items import ForeignInfo, LocatedPackets, StreamCounters, StreamItem, Tally, decode_counted
 from firmware_protocol.packets import Command, Orientation, OrientationBatch, Packet, PacketType
 from firmware_protocol.quantization import Q15_MAX_SQUARE, Q15_MIN_SQUARE
 from firmware_protocol.serial.batch import (
@@ -48,22 +47,6 @@ _LONE_LAYOUT = struct.Struct("<4dIHB").pack
 _LONE_DTYPE = np.dtype(
     {"names": ["q", "time", "sequence", "flags"], "formats": [("<f8", (4,)), "<u4", "<u2", "u1"], "itemsize": 39}
 )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LocatedPackets:
-    """The packets of many reads put end to end, and where in them the delimiter behind each stands."""
-
-    samples: OrientationBatch
-    """All n samples, in wire order."""
-    ends: npt.NDArray[np.int64] | None
-    """(n,) place of each sample's delimiter; None where not wanted."""
-    others: Sequence[tuple[int, Packet | ForeignInfo, int]]
-    """Every other packet, in wire order: before which of the samples it came, the packet, its delimiter."""
-
-    def items(self) -> list[StreamItem]:
-        """Return all packets in wire order; samples with nothing else between them come as one batch."""
-        return in_wire_order(self.samples, ((position, packet) for position, packet, _ in self.others))
 
 
 def encode_command(command: Command) -> bytes:

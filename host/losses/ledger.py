@@ -119,6 +119,7 @@ class LossLedger:
         self._closed = LossReport()
         self._closed_runs: deque[MissingRun] = deque(maxlen=max_runs)
         self._account = _Account(MissingRuns(max_runs))
+        self._ending: tuple[_Account, int] | None = None  # the account before, until the next sample; and its shift
 
     @property
     def is_new(self) -> bool:
@@ -128,16 +129,18 @@ class LossLedger:
     def new_segment(self, shift: int = 0) -> None:
         """Close the account: the device was reset or its clock stepped, and its numbers cannot be compared.
 
-        Adding ``shift`` makes of this account's numbers those of :meth:`missing_runs`.
+        Adding ``shift`` makes of this account's numbers those of :meth:`missing_runs`. Until the next sample, damaged
+        frames belong to it still: whether they came before or after the reset, nothing shows.
         """
         if self._account.first is not None:
-            self._closed = self.report()
-            self._closed_runs.extend(_shifted(self._account, shift))
+            self._end()
+            self._ending = self._account, shift
         self._account = _Account(MissingRuns(self._max_runs))
 
     def missing_runs(self, shift: int = 0) -> list[MissingRun]:
         """Return every run of missing samples kept, in order, with why each is missing; ``shift`` as above."""
-        return [*self._closed_runs, *_shifted(self._account, shift)]
+        ending = [] if self._ending is None else _shifted(*self._ending)
+        return [*self._closed_runs, *ending, *_shifted(self._account, shift)]
 
     def expected_start(self) -> int | None:
         """Return the number of the next sample produced, where a STATUS reported it before the first sample came."""
@@ -151,7 +154,8 @@ class LossLedger:
 
     def damaged(self, n: int) -> None:
         """Enter frames that arrived damaged, behind all samples so far."""
-        self._account.damaged += n
+        account = self._account if self._ending is None else self._ending[0]
+        account.damaged += n
 
     def feed(
         self,
@@ -258,23 +262,18 @@ class LossLedger:
 
     def report(self) -> LossReport:
         """Return the account over all segments."""
-        account, closed = self._account, self._closed
-        if account.first is None:
-            return closed
-        missing = account.runs.totals(account.tail)
-        return LossReport(
-            produced=closed.produced + account.produced,
-            received=closed.received + account.received,
-            lost=closed.lost + account.produced - account.received - missing.rejected - missing.dropped,
-            rejected=closed.rejected + missing.rejected,
-            dropped=closed.dropped + missing.dropped,
-            duplicates=closed.duplicates + account.duplicates,
-            reordered=closed.reordered + account.reordered,
-            segments=closed.segments + 1,
-            exact=closed.exact and account.exact,
-        )
+        closed = self._closed if self._ending is None else _total(self._closed, self._ending[0])
+        return _total(closed, self._account)
+
+    def _end(self) -> None:
+        """Close the account before the present one for good."""
+        if self._ending is not None:
+            self._closed = _total(self._closed, self._ending[0])
+            self._closed_runs.extend(_shifted(*self._ending))
+            self._ending = None
 
     def _open(self, number: int) -> None:
+        self._end()
         account, earlier = self._account, self._account.status_before(number)
         # Numbers count on from a STATUS before the first sample (see SampleAssembler), so both are the same: base 0.
         if earlier is not None:
@@ -307,6 +306,24 @@ class LossLedger:
         account.last = max(account.last, number)
         account.received += 1
         return True
+
+
+def _total(closed: LossReport, account: _Account) -> LossReport:
+    """Return closed accounts and another one together."""
+    if account.first is None:
+        return closed
+    missing = account.runs.totals(account.tail)
+    return LossReport(
+        produced=closed.produced + account.produced,
+        received=closed.received + account.received,
+        lost=closed.lost + account.produced - account.received - missing.rejected - missing.dropped,
+        rejected=closed.rejected + missing.rejected,
+        dropped=closed.dropped + missing.dropped,
+        duplicates=closed.duplicates + account.duplicates,
+        reordered=closed.reordered + account.reordered,
+        segments=closed.segments + 1,
+        exact=closed.exact and account.exact,
+    )
 
 
 def _shifted(account: _Account, shift: int) -> list[MissingRun]:

@@ -15,9 +15,9 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-from firmware_protocol.items import StreamItem
+from firmware_protocol.items import LocatedPackets, StreamItem
 from firmware_protocol.packets import Event, OrientationBatch, Status, TimeReply
-from host.links.transport import AnyChunk, FrameChunk, joined
+from host.links.transport import AnyChunk, FrameChunk
 from host.recording.arrivals import RecordedRoundTrips, SampleArrivals
 from host.recording.bulk.raw_span import RawSpan
 from host.stream.decoding import Link, grouped
@@ -53,9 +53,11 @@ class _PlacedSamples:
     batch: OrientationBatch
     places: IntArray  # (n,) of the chunks
     times_ns: IntArray  # (n,) their reception
+    arrivals_ns: IntArray  # (n,) reception of the samples, where they have times of their own: of CAN frames
 
     def part(self, piece: slice) -> _PlacedSamples:
-        return _PlacedSamples(self.batch.part(piece), self.places[piece], self.times_ns[piece])
+        batch, places = self.batch.part(piece), self.places[piece]
+        return _PlacedSamples(batch, places, self.times_ns[piece], self.arrivals_ns[piece])
 
 
 class TrialAssembly:
@@ -92,15 +94,32 @@ class TrialAssembly:
         self.samples.add(self.assembler.release())
 
     def _feed_span(self, span: RawSpan) -> None:
-        packets = self.link.feed_span(span.data)
+        self._feed_located(span, self.link.feed_span(span.data))
+
+    def _feed_located(
+        self,
+        span: RawSpan,
+        packets: LocatedPackets,
+        arrivals_ns: IntArray | None = None,
+        frames_ns: IntArray | None = None,
+    ) -> None:
+        """Feed the packets of a span, each by its own chunk's reception.
+
+        CAN frames (n,) have times of their own, and so the samples (k,) among them: these are when they arrived.
+        """
         self.assembler.damaged(self.link.take_damage())
         assert packets.ends is not None
-        samples = _PlacedSamples(packets.samples, *_arrivals(span, packets.ends))
-        _, times_ns = _arrivals(span, np.array([end for _, _, end in packets.others], dtype=np.int64))
+        places, times_ns = _arrivals(span, packets.ends)
+        samples = _PlacedSamples(packets.samples, places, times_ns, times_ns if arrivals_ns is None else arrivals_ns)
+        ends = np.array([end for _, _, end in packets.others], dtype=np.int64)
+        _, others_ns = _arrivals(span, ends)
+        replies_ns = others_ns if frames_ns is None else frames_ns[ends]
         start, statuses = 0, list[TimedStatus]()
-        for (position, packet, _), time_ns in zip(packets.others, times_ns.tolist(), strict=True):
+        for (position, packet, _), time_ns, reply_ns in zip(
+            packets.others, others_ns.tolist(), replies_ns.tolist(), strict=True
+        ):
             if isinstance(packet, TimeReply):
-                self.trips.feed(packet, time_ns)
+                self.trips.feed(packet, reply_ns)
             elif isinstance(packet, Status):
                 statuses.append(TimedStatus(position, packet, time_ns))
                 self._note_temperature(packet)
@@ -119,7 +138,7 @@ class TrialAssembly:
             among = [item for item in statuses if first < item.position <= last or item.position == first == start]
             part = samples.part(slice(first, last))
             if last > first:
-                self.arrivals.came(part.times_ns)
+                self.arrivals.came(part.arrivals_ns)
             self._feed_samples(part, [replace(item, position=item.position - first) for item in among])
 
     def _feed_samples(self, samples: _PlacedSamples, statuses: list[TimedStatus]) -> None:
@@ -167,27 +186,48 @@ class TrialAssembly:
                 self.events.append(TimedEvent(time_s, event.kind.name, event.value))
 
     def _feed_chunks(self, parts: list[AnyChunk]) -> None:
-        """Feed chunks of CAN frames, or the empty one: the link was opened again."""
-        chunk = joined(parts)
-        items = self.link.feed(chunk)
-        self.assembler.damaged(self.link.take_damage())
-        if chunk.data:
-            self._heard_ns = chunk.host_time_ns
+        """Feed neighbouring chunks of CAN frames, or the empty one: the link was opened again."""
+        packets = self.link.feed_frames(parts) if parts[0].data else None
+        if packets is not None:
+            self._feed_frames(parts, packets)
+            return
+        items: list[StreamItem] = []
+        for chunk in parts:  # one by one, as they came: what they complete may depend on that
+            items += self._feed_chunk(chunk)
+        if parts[0].data:
             self.arrivals.came_in_frames(parts, items)
             self.trips.feed_frames(parts, items)
         else:
             self.arrivals.reopened()
             self.arrivals.came_unknown(items)
+        self._waiting.clear()
+        if not parts[0].data:  # what was still held came before the cut
+            self.assembler.reopened()
+            self.reopened += 1
+
+    def _feed_chunk(self, chunk: AnyChunk) -> list[StreamItem]:
+        items = self.link.feed(chunk)
+        self.assembler.damaged(self.link.take_damage())
+        if chunk.data:
+            self._heard_ns = chunk.host_time_ns
         for item in items:
             if isinstance(item, OrientationBatch):
                 self.samples.add(self.assembler.feed([item], self._heard_ns))
                 self._locate_waiting()
             elif not isinstance(item, TimeReply):
                 self._feed_other(item, self._heard_ns)
-        self._waiting.clear()
-        if not chunk.data:  # what was still held came before the cut
-            self.assembler.reopened()
-            self.reopened += 1
+        return items
+
+    def _feed_frames(self, parts: list[AnyChunk], packets: LocatedPackets) -> None:
+        """Feed what CAN frames completed that were decoded together; each is placed by its own chunk all the same."""
+        from firmware_protocol.can.frames import frame_array
+
+        frames = [frame_array(part.data)["host_time_ns"].astype(np.int64) for part in parts]
+        frames_ns = np.concatenate(frames)
+        stops = np.cumsum([len(times_ns) for times_ns in frames])
+        span = RawSpan(b"", stops, np.array([part.host_time_ns for part in parts], dtype=np.int64))
+        assert packets.ends is not None
+        self._feed_located(span, packets, frames_ns[packets.ends], frames_ns)
 
 
 def _arrivals(span: RawSpan, ends: IntArray) -> tuple[IntArray, IntArray]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from firmware_protocol.items import StreamCounters, StreamItem
-from firmware_protocol.serial.decoder import LocatedPackets, StreamDecoder
+from firmware_protocol.items import LocatedPackets, StreamCounters, StreamItem
+from firmware_protocol.serial.decoder import StreamDecoder
 from host.links.transport import AnyChunk, FrameChunk
 
 if TYPE_CHECKING:
@@ -79,6 +79,19 @@ class Link:
             raise TypeError("CAN frames cannot be put end to end")
         return self._decoder.feed_located(data)
 
+    def feed_frames(self, chunks: Sequence[AnyChunk]) -> LocatedPackets | None:
+        """Decode many chunks of a CAN link together; return what they completed, and with which of all their frames.
+
+        None, and nothing is taken into account, where what comes could depend on that: feed them one by one.
+        """
+        if self._undecided or isinstance(self._decoder, StreamDecoder):
+            return None
+        data = b"".join(chunk.data for chunk in chunks)
+        packets = self._decoder.feed_located(data)
+        if packets is not None:
+            self.n_bytes += len(data)
+        return packets
+
     def take_damage(self) -> list[int]:
         """Return after how many samples, of all delivered, damaged frames came since the last call; ascending."""
         return self._decoder.take_damage()
@@ -96,9 +109,7 @@ def grouped(
 ) -> Iterator[list[AnyChunk]]:
     """Put neighbouring chunks together that may be joined, up to so many bytes and over so much time.
 
-    A chunk of one sample costs as much as one of a hundred. Empty chunks stay by themselves. The packets do not depend
-    on how the bytes are cut; the time of reception becomes that of the last chunk joined, which only a clock estimate
-    would notice.
+    A chunk of one sample costs as much as one of a hundred. Empty chunks stay by themselves.
     """
     kept: list[AnyChunk] = []
     size = 0

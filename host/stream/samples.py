@@ -305,6 +305,8 @@ class SampleAssembler:
         statuses: Sequence[tuple[int, Status]] = (),
     ) -> SampleBlock:
         """Return the new ones of n >= 1 samples of unwrapped device time, numbered, timed and entered in the ledger."""
+        if self._ledger.is_new:
+            self._enter_damage()  # what came damaged before a segment's first sample is not the new segment's
         expected = self._ledger.expected_start()
         if expected is not None:
             self._numbers.restart(expected)
