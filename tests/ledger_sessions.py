@@ -247,6 +247,8 @@ def differences(session: MadeSession, view_ns: int = VIEW_NS) -> list[str]:
     """Return what differs between the session live and from its recording, a line each."""
     trial, blocks = live(session, view_ns)
     recorded = assemble(session.chunks, "x", None if session.kind == "serial" else NODE)
+    global LAST, LAST_LIVE
+    LAST, LAST_LIVE = recorded, trial
     return [*_differing_fields(trial, recorded), *_differing_samples(blocks, recorded)]
 
 

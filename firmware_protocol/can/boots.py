@@ -26,7 +26,7 @@ class Boots:
         return self._n_returned >= 2
 
     def are_known(self, states: npt.NDArray[np.uint64]) -> bool:
-        """Return whether SAMPLE_STATE frames, as u64, are all of the present boot, or of an object without boot tags."""
+        """Return whether SAMPLE_STATE frames, as u64, are all of the present boot, or carry no boot tag."""
         tags = states >> np.uint64(56)
         return bool(((tags == 0) | (tags == self._tag)).all())
 

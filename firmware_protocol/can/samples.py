@@ -120,7 +120,7 @@ class SampleDecoder:
             return False
         counted = (function == SAMPLE) | (function == TIME) | (function == STATE)
         codes, is_sample = codes[counted], function[counted] == SAMPLE
-        # Each frame shows the counter of the next sample: a sample its own, TIME and SAMPLE_STATE that of the one to come.
+        # Each frame shows a counter: a sample its own, TIME and SAMPLE_STATE that of the sample to come.
         low_bits = (codes & np.uint64(SEQUENCE_MODULUS - 1)).astype(np.int64)
         steps = (low_bits - np.concatenate(([expected], low_bits + is_sample))[:-1]) % SEQUENCE_MODULUS
         counters = expected + np.cumsum(steps + is_sample) - is_sample

@@ -14,7 +14,6 @@ from math import sqrt
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
 from firmware_protocol import codec
 from firmware_protocol.items import ForeignInfo, LocatedPackets, StreamCounters, StreamItem, Tally, decode_counted

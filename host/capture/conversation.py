@@ -60,7 +60,8 @@ class Conversation:
     def warnings(self) -> tuple[str, ...]:
         """What a person should know of object and link, a sentence each."""
         session, trial = self._session, self._trial
-        return (*(session.warnings if session else ()), *self._transport.problems, *trial.problems, *trial.failures)
+        own = session.warnings if session else ()
+        return (*own, *self._transport.problems, *trial.problems, *trial.refused, *trial.failures)
 
     @property
     def view(self) -> LinkView:

@@ -20,7 +20,7 @@ from host.recording.arrivals import RecordedRoundTrips
 from host.recording.reader import RecordingReader
 from host.screen.guarded_screen import guarded
 from host.screen.screens import Screen
-from host.stream.round_trips import RoundTrip
+from host.stream.round_trips import RoundTrip, round_trip
 from host.trial.guarded import Guarded
 from host.trial.live import Trial
 from host.trial.operator import OperatorAction, action_of
@@ -136,4 +136,6 @@ def _round_trips(trips: RecordedRoundTrips, items: list[StreamItem], now_ns: int
     """Yield the round trips that end among the packets received at ``now_ns``."""
     for item in items:
         if isinstance(item, TimeReply) and (sent_ns := trips.sent_ns(item, now_ns)) is not None:
-            yield RoundTrip(sent_ns, item.receive_uptime_us, item.transmit_uptime_us, now_ns)
+            found = round_trip(sent_ns, item, now_ns)
+            if found is not None:
+                yield found

@@ -13,12 +13,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from firmware_protocol.packets import SEQUENCE_MODULUS, Status
+from firmware_protocol.packets import Status
+from host.losses.object_counts import ANY_ROOM, FirstCounts, ObjectCounts, Verdict
 from host.losses.runs import MissingRun, MissingRuns
 
 IntArray = npt.NDArray[np.int64]
@@ -63,12 +64,7 @@ class LossReport:
 
 @dataclass(slots=True)
 class _Account:
-    """One segment.
-
-    A STATUS counts samples since boot, a sample carries 16 bits of that count. The account's own numbers are those of
-    the samples, unwrapped by the caller from an arbitrary first; ``base`` is what lies between the two, known once a
-    STATUS came among samples.
-    """
+    """One segment. Its numbers are those of the samples, unwrapped by the caller from an arbitrary first."""
 
     runs: MissingRuns
     first: int | None = None  # number of the first sample that could have come
@@ -79,16 +75,8 @@ class _Account:
     reordered: int = 0
     damaged: int = 0  # frames since the last sample
     spare: int = 0  # frames before it that stand for no sample missing there
-    dropped_now: int | None = None  # as the last STATUS reported
-    status_end: int | None = None  # number the last STATUS covers up to
-    base: int | None = None  # samples_produced minus unwrapped number
-    pending: tuple[Status, Status] | None = None  # the first and the last STATUS before the first sample
-
-    def status_before(self, number: int) -> tuple[Status, Status] | None:
-        """Return the pending STATUS if a first sample of this number goes on from what the last of them counted."""
-        if self.pending is None or not 0 <= number - self.pending[1].samples_produced < SEQUENCE_MODULUS // 2:
-            return None
-        return self.pending
+    counts: ObjectCounts = field(default_factory=ObjectCounts)
+    before: FirstCounts = field(default_factory=FirstCounts)  # STATUS before the first sample
 
     @property
     def produced(self) -> int:
@@ -105,7 +93,7 @@ class _Account:
         if self.produced == self.received:
             return True
         run = self.tail or self.runs.newest
-        return self.status_end is not None and (run is None or self.status_end >= run.end)
+        return self.counts.end is not None and (run is None or self.counts.end >= run.end)
 
 
 class LossLedger:
@@ -119,6 +107,8 @@ class LossLedger:
         self._closed = LossReport()
         self._closed_runs: deque[MissingRun] = deque(maxlen=max_runs)
         self._account = _Account(MissingRuns(max_runs))
+        self.refused = 0
+        """STATUS packets whose counters could not be."""
         self._ending: tuple[_Account, int] | None = None  # the account before, until the next sample; and its shift
 
     @property
@@ -145,12 +135,17 @@ class LossLedger:
     def expected_start(self) -> int | None:
         """Return the number of the next sample produced, where a STATUS reported it before the first sample came."""
         account = self._account
-        return None if account.pending is None or account.first is not None else account.pending[1].samples_produced
+        return account.before.start if account.first is None else None
+
+    def forget_start(self) -> None:
+        """Refuse the STATUS packets before the first sample, which does not go on from what they counted."""
+        self._account.before = FirstCounts()
+        self.refused += 1
 
     def first_number(self, number: int) -> int:
         """Return where an account that opens with this sample starts: a STATUS may have reported samples before it."""
-        earlier = self._account.status_before(number)
-        return number if earlier is None else earlier[0].samples_produced
+        earlier = self._account.before.before(number)
+        return number if earlier is None else earlier[0]
 
     def damaged(self, n: int) -> None:
         """Enter frames that arrived damaged, behind all samples so far."""
@@ -161,7 +156,7 @@ class LossLedger:
         self,
         numbers: IntArray,
         damaged: IntArray | None = None,
-        statuses: Sequence[tuple[int, Status]] = (),
+        statuses: Sequence[tuple[int, Status, int]] = (),
     ) -> BoolArray:
         """Enter samples, and the STATUS packets among them.
 
@@ -171,8 +166,9 @@ class LossLedger:
             Unwrapped sample numbers in wire order, n >= 1.
         damaged : (n,) int64, optional
             Frames that arrived damaged just before each; none by default.
-        statuses : sequence of (int, Status)
-            STATUS packets in wire order, and before which of the samples each came.
+        statuses : sequence of (int, Status, int)
+            STATUS packets in wire order: before which of the samples each came, the packet, and its room as of
+            :meth:`status`.
 
         Returns
         -------
@@ -187,7 +183,7 @@ class LossLedger:
         if not counts_on and not statuses:
             return self._feed_disturbed(numbers, np.zeros(n, np.int64) if damaged is None else damaged.copy())
         done = 0
-        for position, status in (*statuses, (n, None)):
+        for position, status, room in (*statuses, (n, None, 0)):
             if counts_on:
                 self._account.received += position - done
                 self._account.last += position - done
@@ -196,7 +192,7 @@ class LossLedger:
                 part = slice(done, position)
                 keep[part] = self.feed(numbers[part], None if damaged is None else damaged[part])
             if status is not None:
-                self.status(status)
+                self.status(status, room)
             done = position
         return keep
 
@@ -234,31 +230,41 @@ class LossLedger:
         self._know_of_last()
         return keep
 
-    def status(self, status: Status) -> None:
-        """Enter the device's own counters."""
+    def status(self, status: Status, room: int = ANY_ROOM) -> None:
+        """Enter the object's own counters, if they can be.
+
+        Parameters
+        ----------
+        status : Status
+            The packet.
+        room : int, optional
+            How many samples the object can have produced since the newest sample, or before the first one since the
+            last STATUS.
+        """
         account = self._account
         if account.first is None:
-            first = account.pending[0] if account.pending else status
-            if status.samples_produced < first.samples_produced:
-                first = status  # the count fell: it was reset before the first sample
-            account.pending = (first, status)
+            self.refused += account.before.judge(status, room) is Verdict.REFUSED
             return
-        if account.base is None:
-            # The low 16 bits are the next number; which wrap it is follows from the samples around it.
-            ahead = (status.samples_produced - (account.last + 1)) % SEQUENCE_MODULUS
-            if ahead >= SEQUENCE_MODULUS // 2:
-                ahead -= SEQUENCE_MODULUS
-            account.base = status.samples_produced - (account.last + 1 + ahead)
-            missing = account.produced - account.received + max(0, ahead)
+        counts, dropped_before = account.counts, account.counts.dropped
+        is_first = counts.base is None
+        verdict = counts.judge(status, account.last + 1, room)
+        self.refused += verdict is Verdict.REFUSED
+        end = counts.end
+        if verdict is not Verdict.BELIEVED or end is None:
+            return
+        if is_first:
+            missing = account.produced - account.received + max(0, end - account.last - 1)
             # The counter starts at boot: drops from before the account cannot be told apart from those since. What is
             # missing now bounds those since; the rest is taken for older, and only what is dropped from here on counts.
-            account.dropped_now = max(0, status.samples_dropped - missing)
-        end = status.samples_produced - account.base
-        account.known_end = max(account.known_end, end)
-        account.status_end = end
-        account.runs.mark(end, max(0, status.samples_dropped - (account.dropped_now or 0)))
+            dropped_before = max(0, status.samples_dropped - missing)
+        elif counts.dropped != dropped_before:
+            dropped_before = counts.dropped  # the counts before were wrong
+        # A later STATUS that counts less takes back what an earlier one had too many.
+        account.known_end = max(account.last + 1, end)
+        account.runs.take_back(end)
+        account.runs.mark(end, max(0, status.samples_dropped - (dropped_before or 0)))
         account.runs.settle(account.last + 1)
-        account.dropped_now = status.samples_dropped
+        counts.dropped = status.samples_dropped
 
     def report(self) -> LossReport:
         """Return the account over all segments."""
@@ -274,14 +280,12 @@ class LossLedger:
 
     def _open(self, number: int) -> None:
         self._end()
-        account, earlier = self._account, self._account.status_before(number)
-        # Numbers count on from a STATUS before the first sample (see SampleAssembler), so both are the same: base 0.
-        if earlier is not None:
-            first, last = earlier
-            account.base = 0
-            account.status_end = last.samples_produced
-            account.runs.mark(last.samples_produced, last.samples_dropped - first.samples_dropped)
-            account.dropped_now = last.samples_dropped
+        account, earlier = self._account, self._account.before.before(number)
+        # Numbers count on from a STATUS before the first sample (see SampleAssembler).
+        if earlier is not None and account.before.last is not None:
+            _, end, dropped = earlier
+            account.counts.start(account.before.last, end)
+            account.runs.mark(end, dropped)
         account.first = account.known_end = self.first_number(number)
         account.last = account.first - 1
 

@@ -113,6 +113,11 @@ class MissingRuns:
         """Enter a STATUS: of the samples up to number ``end``, ``dropped`` more were dropped than by the last one."""
         self._marks.append((end, dropped))
 
+    def take_back(self, end: int) -> None:
+        """Forget that samples from number ``end`` on were produced; what was dropped counts with the next STATUS."""
+        while self._marks and self._marks[-1][0] > end:
+            self._unplaced += self._marks.pop()[1]
+
     def settle(self, next_number: int) -> None:
         """Note that nothing below ``next_number`` is still expected: STATUS that cover no more are accounted for."""
         while self._marks and self._marks[0][0] <= next_number:

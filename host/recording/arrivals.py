@@ -24,6 +24,7 @@ from host.clock.interval import NO_ROUND_TRIPS, RoundTrips
 from host.clock.remap import RemappedClock, remap
 from host.links.transport import AnyChunk
 from host.stream.blocks import RESET, UnwrappedSamples
+from host.stream.round_trips import RoundTrip, round_trip
 from host.stream.samples import SampleAssembler
 
 IntArray = npt.NDArray[np.int64]
@@ -179,7 +180,7 @@ class RecordedRoundTrips:
 
     def __init__(self) -> None:
         self._sent_ns: dict[int, deque[int]] = defaultdict(lambda: deque(maxlen=SAME_ID_KEPT))
-        self._found: list[tuple[int, int, int, int]] = []
+        self._found: list[RoundTrip] = []
 
     def feed_sent(self, data: bytes, host_time_ns: int) -> None:
         """Process what the host sent, framed or (CAN) as the bare packet; only TIME_REQUEST counts."""
@@ -194,8 +195,9 @@ class RecordedRoundTrips:
     def feed(self, reply: TimeReply, received_ns: int) -> None:
         """Process an answer, and when the chunk was received that completed it."""
         sent_ns = self.sent_ns(reply, received_ns)
-        if sent_ns is not None and len(self._found) < MAX_ROUND_TRIPS:
-            self._found.append((sent_ns, reply.receive_uptime_us, reply.transmit_uptime_us, received_ns))
+        found = None if sent_ns is None else round_trip(sent_ns, reply, received_ns)
+        if found is not None and len(self._found) < MAX_ROUND_TRIPS:
+            self._found.append(found)
 
     def sent_ns(self, reply: TimeReply, received_ns: int) -> int | None:
         """Return when the request was sent that a reply answers; None where there is none."""
@@ -212,6 +214,6 @@ class RecordedRoundTrips:
         """Return what was found, in order of arrival."""
         if not self._found:
             return NO_ROUND_TRIPS
-        # Uptimes are u64; of a damaged one only the low bits matter, as of any.
-        columns = np.array([[value & (2**62 - 1) for value in trip] for trip in self._found], dtype=np.int64)
+        rows = [(trip.sent_ns, trip.receive_us, trip.transmit_us, trip.received_ns) for trip in self._found]
+        columns = np.array(rows, dtype=np.int64)
         return RoundTrips(*columns[np.argsort(columns[:, 3], kind="stable")].T)

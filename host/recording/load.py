@@ -51,7 +51,7 @@ class RecordedTrial:
     segments: tuple[SegmentStart, ...]
     """Where the device was reset or its clock stepped, after the first."""
     problems: tuple[str, ...]
-    """What was wrong with those who sent, a sentence each: two objects at once."""
+    """What was wrong with those who sent, a sentence each: two objects at once, counters that cannot be."""
     damage: tuple[str, ...]
     """What was wrong with the file."""
     header: RecordingHeader | None
@@ -111,7 +111,7 @@ def assemble(
         reconnects=assembly.reopened,
         late_clock=cache(lambda: offline_clock(arrivals.remapped(round_trips), arrivals.n_unplaced)),
         segments=tuple(assembler.segments),
-        problems=(*assembly.link.problems, *assembler.problems),
+        problems=(*assembly.link.problems, *assembler.problems, *assembler.refused),
         damage=(),
         header=None,
     )

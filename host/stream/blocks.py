@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,19 @@ class SampleBlock:
             flags=self.flags[keep],
             host_time_ns=self.host_time_ns,
         )
+
+
+def joined(blocks: Sequence[SampleBlock]) -> SampleBlock:
+    """Return one or more blocks in order as one, received with the last."""
+    if len(blocks) == 1:
+        return blocks[0]
+    return SampleBlock(
+        index=np.concatenate([block.index for block in blocks]),
+        time_s=np.concatenate([block.time_s for block in blocks]),
+        quats_wxyz=np.concatenate([block.quats_wxyz for block in blocks]),
+        flags=np.concatenate([block.flags for block in blocks]),
+        host_time_ns=blocks[-1].host_time_ns,
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

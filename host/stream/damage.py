@@ -42,6 +42,15 @@ class DamagePlaces:
             counts[max(self._damaged.popleft() - first, 0)] += 1
         return counts
 
+    def refuse(self, n: int) -> None:
+        """Count the next n samples as damaged frames: they came whole, but cannot be."""
+        self.n_placed += n
+        before = 0
+        while self._damaged and self._damaged[0] <= self.n_placed:
+            self._damaged.popleft()
+            before += 1
+        self._damaged.extendleft([self.n_placed] * (before + n))
+
     def take_behind(self) -> int:
         """Return how many damaged frames came behind the last sample placed, and forget them."""
         n = 0

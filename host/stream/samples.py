@@ -26,13 +26,12 @@ import numpy.typing as npt
 from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import DEVICE_CLOCK_MODULUS_US, SEQUENCE_MODULUS, Event, Info, OrientationBatch, Status
 from host.clock.unwrap import ClockUnwrapper, changes
-from host.losses.ledger import MAX_RUNS_KEPT, LossLedger, LossReport
+from host.losses.ledger import MAX_RUNS_KEPT, LossReport
+from host.losses.object_counts import NO_ROOM, room_for
 from host.losses.runs import MissingRun
-from host.stream.blocks import RESET, RESTARTED, STEPPED, SampleBlock, UnwrappedSamples
-from host.stream.damage import DamagePlaces
+from host.stream.blocks import RESET, RESTARTED, STEPPED, SampleBlock, joined
 from host.stream.held_samples import HeldSamples, Meeting
-from host.stream.numbers import SequenceUnwrapper
-from host.stream.time_axis import TimeAxis
+from host.stream.places import SamplePlaces
 
 IntArray = npt.NDArray[np.int64]
 
@@ -63,19 +62,15 @@ class SampleAssembler:
         """Its last STATUS."""
         self.on_segment: list[Callable[[str], object]] = []
         """Called with the reason where it is decided that a new segment starts with the next sample."""
-        self.on_samples: list[Callable[[UnwrappedSamples], object]] = []
+        self._places = SamplePlaces(max_runs)
+        self.on_samples = self._places.on_samples
         """Called with all samples that are placed, in order."""
-        self._ledger = LossLedger(max_runs)
         self._clock = ClockUnwrapper()
-        self._numbers = SequenceUnwrapper()
-        self._axis = TimeAxis()
+        self._axis = self._places.axis
         self.segments = self._axis.segments
         """Where each segment starts."""
         self._held = HeldSamples()
-        self._damage = DamagePlaces()
-        self._newest: tuple[int, int] | None = None  # number and device time of the last sample, as on the wire
-        self._index_shift = 0  # index within the capture minus number within the segment
-        self._next_index = 0
+        self._damage = self._places.damage
 
     @property
     def info(self) -> Info | None:
@@ -86,6 +81,16 @@ class SampleAssembler:
     def problems(self) -> tuple[str, ...]:
         """What a person should know of who sends here."""
         return (CROWDED,) if self._held.crowded else ()
+
+    @property
+    def refused(self) -> tuple[str, ...]:
+        """What came with a right checksum and cannot be, a sentence each."""
+        n_samples, n_statuses = self._places.n_refused, self._places.ledger.refused
+        found = (
+            (n_samples, f"{n_samples} samples had numbers that cannot be: they count as damaged"),
+            (n_statuses, f"{n_statuses} STATUS had counters that cannot be: these are left out"),
+        )
+        return tuple(sentence for count, sentence in found if count)
 
     @property
     def doubtful(self) -> bool:
@@ -146,19 +151,22 @@ class SampleAssembler:
         """
         if self._held.holding or self._held.foreign or not self._axis.is_open or self._falls_back(batch):
             return None
-        # An object that has introduced itself answers for its STATUS: see _feed_status.
-        if self.info is not None and not all(
-            self._clock.is_plain(item.status.uptime_us, item.host_time_ns) for item in statuses
-        ):
+        # One that is not by this clock may be another object's: see _feed_status.
+        if not all(self._clock.is_plain(item.status.uptime_us, item.host_time_ns) for item in statuses):
             return None
+        newest_us = self._clock.newest_us
         times_us = self._clock.unwrap_many(batch.device_time_us, host_time_ns)
-        if times_us is None:
+        if times_us is None or newest_us is None:
             return None
         self._damage.n_came += len(batch)
-        if statuses:
-            self.status = statuses[-1].status
-        among = [(item.position, item.status) for item in statuses]
-        return self._place(batch, times_us, int(host_time_ns[-1]), among)
+        among, done = [], 0
+        for item in statuses:
+            if item.position > done:
+                newest_us = max(newest_us, int(times_us[done : item.position].max()))
+                done = item.position
+            among.append((item.position, item.status, self._room(item.status, item.host_time_ns, newest_us)))
+            self.status = item.status
+        return joined(self._places.place(batch, times_us, host_time_ns, among))
 
     def release(self) -> list[SampleBlock]:
         """Count samples still held back as the object's own; return them."""
@@ -179,17 +187,13 @@ class SampleAssembler:
 
     def losses(self) -> LossReport:
         """Return the account so far, over all segments."""
-        self._enter_damage()
-        return self._ledger.report()
+        self._places.enter_damage()
+        return self._places.ledger.report()
 
     def missing_runs(self) -> list[MissingRun]:
         """Return the runs of missing samples, numbered as :attr:`SampleBlock.index`, with why each is missing."""
-        self._enter_damage()
-        return self._ledger.missing_runs(self._index_shift)
-
-    def _enter_damage(self) -> None:
-        """Enter the damaged frames behind the last sample into the ledger."""
-        self._ledger.damaged(self._damage.take_behind())
+        self._places.enter_damage()
+        return self._places.ledger.missing_runs(self._places.index_shift)
 
     def _hold(self, item: StreamItem, host_time_ns: int) -> list[SampleBlock]:
         return self.release() if self._held.hold(item, host_time_ns) else []
@@ -220,8 +224,18 @@ class SampleAssembler:
             self._held.start(doubts_clock=True)
             return self._hold(status, host_time_ns)
         self.status = status
-        self._ledger.status(status)
+        self._places.status(status, self._room(status, host_time_ns, self._clock.newest_us), host_time_ns)
         return []
+
+    def _room(self, status: Status, host_time_ns: int, newest_us: int | None) -> int:
+        """Return how many samples can have been produced since the newest one, or before the first since a STATUS.
+
+        The object's own clock shows how long that is; by another clock, none can.
+        """
+        if newest_us is None:
+            return self._places.room_at_start(host_time_ns)
+        located_us = self._clock.locate(status.uptime_us, host_time_ns)
+        return NO_ROOM if located_us is None else room_for(located_us - newest_us)
 
     def _feed_batch(self, batch: OrientationBatch, host_time_ns: int, doubts: bool) -> list[SampleBlock]:
         """Place the samples of a batch, piece by piece from one jump of the clock to the next.
@@ -243,9 +257,8 @@ class SampleAssembler:
                     if self._held.crowded:
                         return blocks
                 piece = batch if last - first == len(batch) else batch.part(slice(first, last))
-                block = self._place(piece, piece_us, host_time_ns)
-                if len(block):
-                    blocks.append(block)
+                received_ns = np.full(last - first, host_time_ns, dtype=np.int64)
+                blocks += [block for block in self._places.place(piece, piece_us, received_ns) if len(block)]
             if end < len(batch):
                 if doubts:
                     self._held.start(doubts_clock=True)
@@ -259,12 +272,12 @@ class SampleAssembler:
 
         Such a step of the clock may be too small for the unwrapping, which takes it for a late sample.
         """
-        if len(batch) == 1 and self._newest is not None:  # most of what comes live
-            sequence, time_us = self._newest
+        if len(batch) == 1 and self._places.newest is not None:  # most of what comes live
+            sequence, time_us = self._places.newest
             on = (int(batch.sequence[0]) - sequence) % SEQUENCE_MODULUS
             back = (time_us - int(batch.device_time_us[0])) % DEVICE_CLOCK_MODULUS_US
             return [0] if 0 < on < SEQUENCE_MODULUS // 2 and 0 < back < DEVICE_CLOCK_MODULUS_US // 2 else []
-        before = self._newest or (int(batch.sequence[0]), int(batch.device_time_us[0]))
+        before = self._places.newest or (int(batch.sequence[0]), int(batch.device_time_us[0]))
         newer = changes(batch.sequence, before[0]).view(np.int16) > 0
         older = changes(batch.device_time_us, before[1]).view(np.int32) < 0
         found: list[int] = np.flatnonzero(newer & older).tolist()
@@ -273,59 +286,24 @@ class SampleAssembler:
     def _judge_jump(self, number: int, time_us: int, host_time_ns: int) -> None:
         """Decide what a jump of the device clock was: a step (the numbers count on) or a restart of both."""
         self._held.jumped(host_time_ns)
-        period_us = self._numbers.period_us
+        period_us = self._places.numbers.period_us
         if period_us is not None and self._axis.is_open:
             expected = (host_time_ns - self._axis.newest_host_ns) / 1e3 / period_us
-            change = (number - (self._next_index - 1 - self._index_shift)) % SEQUENCE_MODULUS
+            change = (number - self._places.newest_number) % SEQUENCE_MODULUS
             if abs(change - expected) <= max(CONTINUES_SAMPLES, CONTINUES_WITHIN * expected):
                 # The account and the numbers go on; only what the clock would have read at the last sample is new.
-                self._numbers.rebase_time(int(time_us - change * period_us))
+                self._places.numbers.rebase_time(int(time_us - change * period_us))
                 self._inform(STEPPED)
                 return
         self._start_segment(RESTARTED)
 
     def _start_segment(self, reason: str) -> None:
         """Let the next sample open a segment of which neither clock nor numbers compare with those before."""
-        self._enter_damage()
-        self._ledger.new_segment(self._index_shift)
-        self._numbers.restart()
-        self._newest = None
+        self._places.start_segment()
+        self._places.newest = None
         self._inform(reason)
 
     def _inform(self, reason: str) -> None:
         self._axis.close(reason)
         for inform in self.on_segment:
             inform(reason)
-
-    def _place(
-        self,
-        batch: OrientationBatch,
-        times_us: IntArray,
-        host_time_ns: int,
-        statuses: Sequence[tuple[int, Status]] = (),
-    ) -> SampleBlock:
-        """Return the new ones of n >= 1 samples of unwrapped device time, numbered, timed and entered in the ledger."""
-        if self._ledger.is_new:
-            self._enter_damage()  # what came damaged before a segment's first sample is not the new segment's
-        expected = self._ledger.expected_start()
-        if expected is not None:
-            self._numbers.restart(expected)
-        numbers = self._numbers.feed(batch.sequence, times_us)
-        if not self._axis.is_open:
-            self._open_segment(int(times_us[0]), int(numbers[0]), host_time_ns)
-        self._newest = int(batch.sequence[-1]), int(batch.device_time_us[-1])
-        samples = UnwrappedSamples(self._damage.n_placed, times_us, batch.quats_wxyz, host_time_ns)
-        keep = self._ledger.feed(numbers, self._damage.place(len(numbers)), statuses)
-        for inform in self.on_samples:
-            inform(samples)
-        index = numbers + self._index_shift if self._index_shift else numbers
-        self._next_index = max(self._next_index, int(index.max()) + 1)
-        time_s = self._axis.place(times_us, host_time_ns)
-        block = SampleBlock(index, time_s, batch.quats_wxyz, batch.flags, host_time_ns)
-        return block if keep.all() else block.chosen(keep)
-
-    def _open_segment(self, time_us: int, number: int, host_time_ns: int) -> None:
-        # Where the account went on, so do the numbers, and the shift stays; unless they would meet those given before.
-        if self.segments and (self._ledger.is_new or number + self._index_shift < self._next_index):
-            self._index_shift = self._next_index - self._ledger.first_number(number)
-        self._axis.open(time_us, host_time_ns)

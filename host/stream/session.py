@@ -136,7 +136,7 @@ class Session:
             elif isinstance(item, Ack):
                 self._feed_ack(item, host_time_ns)
             elif isinstance(item, TimeReply):
-                self._clock_requests.receive(item, host_time_ns)
+                self._feed_reply(item, host_time_ns)
             elif isinstance(item, Status):
                 # A reset whose INFO was lost, or a START that went astray, leaves the object idle.
                 idle = item.state is DeviceState.IDLE and host_time_ns - self._started_ns > SILENT_NS
@@ -206,6 +206,12 @@ class Session:
         self.one_way = self._was_reopened = False
         if self.phase is Phase.HANDSHAKE:
             self._start()
+
+    def _feed_reply(self, reply: TimeReply, host_time_ns: int) -> None:
+        requests, before = self._clock_requests, self._clock_requests.refused
+        requests.receive(reply, host_time_ns)
+        if requests.refused > before == 0:
+            self.warnings.append("the object answered with clock readings that cannot be: they are left out")
 
     def _feed_foreign(self, info: ForeignInfo) -> None:
         newer = info.protocol_major > PROTOCOL_MAJOR

@@ -113,6 +113,11 @@ class Trial:
         return (*self.link.problems, *self.assembler.problems)
 
     @property
+    def refused(self) -> tuple[str, ...]:
+        """What came with a right checksum and cannot be, a sentence each."""
+        return self.assembler.refused
+
+    @property
     def paused(self) -> bool:
         """Whether the next end point is long overdue: the hand rests."""
         return "pause" in self._online.flags

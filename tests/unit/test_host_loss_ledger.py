@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from analysis.scoring.recorded_parts import CycleLosses, Quality
 from firmware_protocol.packets import Status
 from host.losses.ledger import LossLedger, LossReport
+from host.losses.object_counts import ANY_ROOM
 from host.losses.runs import MissingTotals, missing_between
 from host.losses.verdict import judge_losses
 from host.stream.numbers import SequenceUnwrapper
@@ -224,7 +225,9 @@ def test_status_among_samples_counts_as_if_each_came_by_itself(data):
     together, single = LossLedger(), LossLedger()
     for ledger in (together, single):
         ledger.feed(np.arange(5, dtype=np.int64))
-    kept = together.feed(numbers, damaged, list(zip(places, told, strict=True)))
+    kept = together.feed(
+        numbers, damaged, [(place, packet, ANY_ROOM) for place, packet in zip(places, told, strict=True)]
+    )
     expected = []
     for start, stop, packet in zip([0, *places], [*places, n], [*told, None], strict=True):
         if stop > start:
