@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+from collections import deque
 from collections.abc import Callable
 
 from firmware_protocol.packets import Stop
 from host.capture.settings import CaptureSettings
-from host.errors import HostError, LinkError, LinkLostError, WrongObjectError
+from host.errors import HostError, LinkError, LinkLostError, NoAnswerError, WrongObjectError
 from host.links.reader_thread import ReaderThread
 from host.links.transport import AnyChunk, Transport
 from host.recording.writer import RecordingWriter
+from host.stream.blocks import RESET
 from host.stream.session import Phase, Session
 from host.trial.live import Trial, TrialUpdate
 from host.trial.state import LinkView
 
+MAX_RESETS = 5
+RESETS_S = 30.0
+"""So many resets within so long are a boot loop."""
 Ending = tuple[str, HostError | None]
 """Why a capture ends, in words, and what went wrong; no error where it ends as asked."""
 
@@ -41,7 +46,7 @@ class Conversation:
         self._session: Session | None = None
         if transport.is_live:
             self._session = Session(settings.session, transport.name, now_ns(), transport.encode_command)
-            trial.assembler.on_segment.append(self._session.new_segment)
+            trial.assembler.on_segment.append(self._segment_starts)
         self.reader = ReaderThread(transport, pause_s=settings.read_pause_s if transport.is_live else 0.0)
         """Reads the link, and closes it."""
         self.chunk_ns = now_ns()
@@ -49,7 +54,25 @@ class Conversation:
         self.sample_ns = self.chunk_ns
         """The same of the last sample."""
         self._first_sample_ns: int | None = None
-        self._quiet_since_ns = self.chunk_ns  # the last sample, or the link's opening after it
+        self._quiet_since_ns = self.chunk_ns  # the last sample, or the link's first opening after it
+        self._reopened = False  # since the last sample
+        self._start_ns = self.chunk_ns
+        self._handshake_s = settings.session.handshake_s
+        self._resets_ns: deque[int] = deque(maxlen=MAX_RESETS)
+
+    def _segment_starts(self, reason: str) -> None:
+        """Inform the session; an object that is reset again and again is in a boot loop, and has no trial."""
+        if self._session is None:
+            return
+        self._session.new_segment(reason)
+        if reason != RESET:
+            return
+        self._resets_ns.append(self.chunk_ns)
+        if len(self._resets_ns) == MAX_RESETS and self.chunk_ns - self._resets_ns[0] <= RESETS_S * 1e9:
+            self._session.error = self._session.error or LinkError(
+                f"the object was reset {MAX_RESETS} times within {RESETS_S:.0f} s",
+                "check its power supply and battery; what came before is recorded",
+            )
 
     @property
     def time_ns(self) -> int:
@@ -84,7 +107,8 @@ class Conversation:
         at_ns, session, trial = chunk.host_time_ns, self._session, self._trial
         self.chunk_ns = at_ns
         if not chunk.data:  # the link is open again, and who is there now is to be asked before what comes is judged
-            self._quiet_since_ns = at_ns
+            if not self._reopened:  # once only until a sample comes: one that opens again and again has no new time
+                self._quiet_since_ns, self._reopened = at_ns, True
             if session is not None:
                 session.reopened(at_ns)
         update = trial.feed(chunk)
@@ -98,6 +122,8 @@ class Conversation:
                 session.error = session.error or WrongObjectError(problem, remedy)
         if update.sampled:
             self.sample_ns = self._quiet_since_ns = at_ns
+            self._reopened = False
+            self._transport.proven()
             self._first_sample_ns = at_ns if self._first_sample_ns is None else self._first_sample_ns
         return update
 
@@ -136,12 +162,26 @@ class Conversation:
         """Return why link or object cannot go on; None while they do."""
         if self.reader.ended:
             return "the recording is over" if self.reader.error is None else "the link was lost", self.reader.error
-        if self._session is None or self._session.error is None:
+        if self._session is None:
             return None
-        error = self._session.error
+        error = self._session.error or self._never_heard()
+        if error is None:
+            return None
         if self._first_sample_ns is None:
             return "the object cannot be captured", error
         return "another object answers" if isinstance(error, WrongObjectError) else "the link was lost", error
+
+    def _never_heard(self) -> HostError | None:
+        """Return why an object is not waited for any longer whose link is lost before anything of it came."""
+        assert self._session is not None
+        heard = self._session.info is not None or self._first_sample_ns is not None
+        if heard or self._transport.connected or self._now_ns() - self._start_ns < self._handshake_s * 1e9:
+            return None
+        why = self._transport.problems[-1].partition(";")[0]
+        return NoAnswerError(
+            f"{why}: no object was heard within {self._handshake_s:.0f} s",
+            "check what is at the other end, and that no other program uses it",
+        )
 
     def silence(self) -> Ending | None:
         """Return the end by an object that has sent nothing for too long; None before that.

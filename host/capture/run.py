@@ -147,7 +147,7 @@ def record(
     """
     screen = guarded(screen)
     with contextlib.ExitStack() as until_captured:
-        transport = open_lasting(link, settings.reconnect_s)
+        transport = open_lasting(link, settings.reconnect_s, stop)
         until_captured.callback(lambda: transport.close())  # whichever it is by then
         if settings.debug_link is not None:
             transport = LinkLog(transport, settings.debug_link)
@@ -170,7 +170,6 @@ def record(
         capture = Capture(transport, writer, trial, screen, settings, stop)
         until_captured.pop_all()  # both are the capture's from here on
     outcome = capture.run()
-    imports.join()  # two threads in the same import can see it half done
     if not trial.assembler.segments:
         if not isinstance(outcome.error, InternalError):  # so that the next try may have its name
             with contextlib.suppress(OSError):
@@ -180,6 +179,7 @@ def record(
         raise outcome.error or LinkError(
             f"the capture ended before the first sample ({outcome.reason})", "wait until the object streams"
         )
+    imports.join()  # two threads in the same import can see it half done
     return outcome
 
 

@@ -12,7 +12,7 @@ from host.capture.settings import CaptureSettings
 from host.clock.estimate import ClockEstimate
 from host.doctor.findings import Finding, Verdict, judged
 from host.errors import HostError
-from host.links import open_transport
+from host.links import open_stoppable
 from host.losses.verdict import LOSS_LIMIT
 from host.recording.writer import RecordingWriter
 from host.screen.screens import QuietScreen
@@ -31,7 +31,7 @@ def check_link(link: str, seconds: float, stop: threading.Event) -> list[Finding
     cannot be captured.
     """
     try:
-        transport = open_transport(link)
+        transport = open_stoppable(link, stop)
     except HostError as error:
         return [_failed("link", error)]
     trial = Trial()

@@ -16,6 +16,7 @@ from firmware_protocol.can.mapping import ALL_NODES, CanFunction, split_id
 from firmware_protocol.packets import Info, OrientationBatch, Status
 from host.errors import HostError
 from host.links import open_transport
+from host.links.opening import OPEN_S
 from host.links.transport import FrameChunk
 from host.links.uri import parse_link_uri
 from host.stream.decoding import Link
@@ -62,8 +63,9 @@ def objects_on(links: Sequence[str], listen_s: float = LISTEN_S) -> dict[str, li
     threads = [threading.Thread(target=listen, args=(link,), daemon=True) for link in links]
     for thread in threads:
         thread.start()
+    end_s = time.monotonic() + listen_s + OPEN_S  # for all of them
     for thread in threads:
-        thread.join(listen_s + 15)
+        thread.join(max(0.0, end_s - time.monotonic()))
     return {link: found.get(link, []) for link in links}
 
 

@@ -85,6 +85,9 @@ class Transport(ABC):
         """What a person should know of the link, a sentence each; only ever grows."""
         return ()
 
+    def proven(self) -> None:  # noqa: B027 - most links have nothing to note
+        """Note that the object was heard: a link that is opened again by itself has proven good."""
+
     def encode_command(self, command: Command) -> bytes:
         """Return what :meth:`write` sends for a command: the frame of a serial link, the bare packet on CAN."""
         from firmware_protocol.serial.decoder import encode_command
@@ -143,6 +146,10 @@ class TransportAround(Transport):
     def interface_name(self) -> str:
         """That of the transport inside."""
         return self._inner.interface_name
+
+    def proven(self) -> None:
+        """Inform the transport inside."""
+        self._inner.proven()
 
     def encode_command(self, command: Command) -> bytes:
         """Return what the transport inside sends for a command."""

@@ -31,8 +31,10 @@ class Handshake:
         self._patient = False  # an object that was captured before may be silent for as long as the caller waits
 
     def restart(self, now_ns: int, *, patient: bool) -> None:
-        """Start again: the link was opened again."""
-        self._start_ns, self._patient = now_ns, patient
+        """Start again: the link was opened again. An object that was never heard has no new time for it."""
+        if patient:
+            self._start_ns = now_ns
+        self._patient = patient
         self._asked_ns = self._first_sample_ns = None
 
     def heard(self, n_bytes: int) -> None:

@@ -37,6 +37,7 @@ from host.errors import LinkError, LinkLostError, UsageError
 from host.links.can.drivers import CanSettings, can_settings, open_bus
 from host.links.can.health import BusHealth
 from host.links.can.socketcan import dropped_frames, interface_index
+from host.links.opening import Opening
 from host.links.transport import FrameChunk, Transport
 from host.links.uri import LinkUri
 from host.text import plain
@@ -84,6 +85,8 @@ class CanTransport(Transport):
         self._queried_ns = 0
         self._index = interface_index(settings.channel) if settings.interface == "socketcan" else 0
         self._closed = False
+        self._opening: Opening[can.BusABC] | None = None  # again, after its parser or its server failed
+        self._heard = True  # whether a frame came since it was opened
 
     @property
     def node(self) -> int | None:
@@ -109,6 +112,8 @@ class CanTransport(Transport):
         """Wait for the next frame, at most ``timeout_s``, and read what else is there."""
         if self._closed:
             raise LinkLostError(f"{self.name} is closed")
+        if self._opening is not None and not self._is_open_again(self._opening, timeout_s):
+            return None
         self._query_driver()
         frames: list[CanFrame] = []
         message = self._receive(timeout_s)
@@ -119,6 +124,7 @@ class CanTransport(Transport):
             message = self._receive(0.0) if len(frames) < MAX_FRAMES else None
         if not frames:
             return None
+        self._heard = True
         self._respond(frames)
         return FrameChunk(pack_frames(frames), frames[-1].host_time_ns)
 
@@ -141,6 +147,8 @@ class CanTransport(Transport):
     def close(self) -> None:
         """Leave the bus; never raises."""
         self._closed = True
+        if self._opening is not None:
+            self._opening.abandon()
         with self._lock, contextlib.suppress(*IO_ERRORS):
             self._bus.shutdown()
 
@@ -199,25 +207,36 @@ class CanTransport(Transport):
             return
         if interface == "socketcand":
             self.health.parser_errors += 1
-            self._reopen(error)
+            if not self._heard:  # opened again in vain
+                raise self._gone(_first_line(error)) from error
+            self._reopen()
             return
         if _is_down(error):
             self.health.went_down = True
             return
         raise self._gone(plain(str(error), 120) or type(error).__name__) from error
 
-    def _reopen(self, error: Exception) -> None:
+    def _reopen(self) -> None:
+        """Have the bus opened again, in a thread: a server may take its time, or never answer."""
+        self._heard = False
+        with self._lock, contextlib.suppress(*IO_ERRORS):
+            self._bus.shutdown()
+        self._opening = Opening(lambda: open_bus(self._settings, self.name), can.BusABC.shutdown)
+
+    def _is_open_again(self, opening: Opening[can.BusABC], timeout_s: float) -> bool:
+        if not opening.wait(timeout_s):
+            return False
+        self._opening = None
+        try:
+            bus = opening.result()
+        except (LinkError, UsageError) as failure:
+            raise LinkLostError(
+                f"{self.name} is gone and does not open again ({failure.message})", "start its server again"
+            ) from failure
         with self._lock:
-            with contextlib.suppress(*IO_ERRORS):
-                self._bus.shutdown()
-            try:
-                self._bus = open_bus(self._settings, self.name)
-            except (LinkError, UsageError) as failure:
-                reason = plain(str(error).partition("Traceback")[0].strip(), 80)
-                raise LinkLostError(
-                    f"{self.name} is gone ({reason}) and does not open again", "start its server again"
-                ) from failure
+            self._bus = bus
         self.health.reopens += 1
+        return True
 
     def _send(self, frame: CanFrame) -> None:
         message = can.Message(
@@ -227,6 +246,8 @@ class CanTransport(Transport):
             bitrate_switch=bool(frame.flags & FrameFlag.BITRATE_SWITCH),
             data=frame.data,
         )
+        if self._opening is not None:
+            return  # commands are repeated
         if self._echoes is not None:
             self._echoes.append((frame.arbitration_id, frame.data))
         try:
@@ -300,6 +321,10 @@ def received_frame(message: can.Message, host_time_ns: int) -> CanFrame:
         float(message.timestamp),
         message.dlc if message.is_remote_frame else 0,
     )
+
+
+def _first_line(error: Exception) -> str:
+    return plain(str(error).partition("Traceback")[0].strip(), 80)
 
 
 def _is_down(error: Exception) -> bool:

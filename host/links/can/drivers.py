@@ -39,6 +39,8 @@ DRIVER_FILTERS = frozenset({"socketcan", "etas", "ixxat", "kvaser", "systec", "v
 """Interfaces whose filters work in the driver, on data frames only."""
 SLCAN_ANSWER_S = 3.0
 """Within what time an SLCAN adapter must send anything: boards that reset when their port is opened need 2 s."""
+RETRY_S = 1.0
+"""How long a socketcand server that refuses is asked again."""
 DRIVER_REMEDIES = {
     "gs_usb": 'pip install "python-can[gs-usb]", or on Linux can:socketcan:can0',
     "pcan": "install PCAN-Basic of PEAK-System, or on Linux can:socketcan:can0",
@@ -123,7 +125,7 @@ def _in_full(name: str, text: str) -> str:
     return text if found is None else str(int(found[1]) * (1_000_000 if found[2] == "M" else 1000))
 
 
-def open_bus(settings: CanSettings, name: str, tries: int = 20) -> can.BusABC:
+def open_bus(settings: CanSettings, name: str) -> can.BusABC:
     """Open the bus and set its filters.
 
     Raises
@@ -132,20 +134,17 @@ def open_bus(settings: CanSettings, name: str, tries: int = 20) -> can.BusABC:
         It does not open; the message has the reason and a remedy.
     """
     try:
-        options = _bus_options(settings)
+        options, end_s = _bus_options(settings), time.monotonic() + RETRY_S
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # python-can's own deprecations are not the user's
             bus: can.BusABC
             if settings.interface == "slcan":
                 bus = ChunkedSlcanBus(channel=settings.channel, **options)
             elif settings.interface == "socketcand":
-                bus = WatchedSocketcandBus(channel=settings.channel, **options)
+                bus = _socketcand(settings.channel, options, end_s)
             else:
                 bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
     except Exception as error:  # without its library a driver raises anything, NameError among it
-        if settings.interface == "socketcand" and isinstance(error, can.CanError) and tries > 1:
-            time.sleep(0.05)  # a server for one client may not have noticed yet that the last one has gone
-            return open_bus(settings, name, tries - 1)
         raise _open_error(error, settings, name) from error
     if settings.interface == "socketcan" and is_down(settings.channel):
         bus.shutdown()
@@ -163,6 +162,17 @@ def open_bus(settings: CanSettings, name: str, tries: int = 20) -> can.BusABC:
             bus.shutdown()
             raise
     return bus
+
+
+def _socketcand(channel: str, options: dict[str, Any], end_s: float) -> can.BusABC:
+    """Open a bus of a server that may not have noticed yet that its last client has gone."""
+    while True:
+        try:
+            return WatchedSocketcandBus(channel=channel, **options)
+        except can.CanError:
+            if time.monotonic() > end_s:
+                raise
+            time.sleep(0.05)
 
 
 def bus_filters(settings: CanSettings) -> list[dict[str, Any]] | None:
