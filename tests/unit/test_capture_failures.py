@@ -295,7 +295,7 @@ def test_of_several_objects_the_others_go_on(tmp_path):
             raise RuntimeError("injected")
         return feed(trial, chunk)
 
-    def picked(link, _):
+    def picked(link, *_):
         return links[int(link)]
 
     with virtual_links(), patch.object(capture_run, "open_lasting", picked), patch.object(Trial, "feed", fails_for_one):
