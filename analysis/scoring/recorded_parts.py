@@ -5,8 +5,6 @@ Names, order and units as in :mod:`analysis.scoring.result_parts`.
 
 from __future__ import annotations
 
-from msgspec import structs
-
 from analysis.scoring.result_parts import Known, Part
 
 
@@ -186,11 +184,6 @@ class LinkAccount(Part, frozen=True, kw_only=True):
     """Samples dropped because two objects share the node id."""
     long_packet_errors: int | None = None
     """CAN: packets over several frames that failed."""
-
-    def without_counters(self) -> LinkAccount:
-        """Return the account as older results have it."""
-        required = [part.name for part in structs.fields(self) if part.required]
-        return LinkAccount(**{name: getattr(self, name) for name in required})
 
 
 class ObjectEvent(Part, frozen=True):

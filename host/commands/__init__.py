@@ -19,6 +19,7 @@ COMMANDS = (
     "replay",
     "init",
     "report",
+    "keygen",
     "verify",
     "compare",
     "convert",

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from minisign import SecretKey
+
     from host.submission.contents import BuiltSubmission
     from host.submission.source import TrialSource
 
@@ -42,6 +44,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--title", metavar="TEXT", help="title of the report")
     parser.add_argument("--force", action="store_true", help="replace the file that exists")
+    parser.add_argument(
+        "--sign", type=Path, metavar="KEY", help="sign submission.zip with this secret key; see `rotdrift keygen`"
+    )
     parser.add_argument("--endpoints", metavar="ROWS|FILE", help="end points chosen by hand (one trial only)")
     add_window_arguments(parser, " (one trial only)")
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
@@ -75,10 +80,11 @@ def run(args: argparse.Namespace) -> int:
             "--endpoints, --from and --to are for one trial", "put NAME.endpoints.csv beside each recording instead"
         )
     _refuse_existing(args.out, force=args.force)
+    key = None if args.sign is None else _secret_key(args)
     sources = [_source(path, args) for path in args.trials]
     built = build_submission(sources, title=args.title or DEFAULT_TITLE)
-    _write(args.out, built)
-    _print(args.out, built)
+    _write(args.out, built, key)
+    _print(args.out, built, signed=key is not None)
     return 0 if all(trial.valid for trial in built.submission.trials) else 1
 
 
@@ -127,7 +133,23 @@ def _refuse_existing(out: Path, *, force: bool) -> None:
         raise already_there(out, remedy)
 
 
-def _write(out: Path, built: BuiltSubmission) -> None:
+def _secret_key(args: argparse.Namespace) -> SecretKey:
+    """Return the key to sign with, before anything is scored: a wrong password shall not cost minutes."""
+    from getpass import getpass
+
+    from host.errors import UsageError
+    from host.submission.signature import require_extra, signature_path
+
+    if args.out.suffix.lower() != ".zip":
+        raise UsageError("--sign signs an archive", "write one with --out submission.zip")
+    require_extra()
+    from host.submission.signing_keys import load_secret_key
+
+    _refuse_existing(signature_path(args.out), force=args.force)
+    return load_secret_key(args.sign, getpass if sys.stdin.isatty() else lambda _: sys.stdin.readline().rstrip("\n"))
+
+
+def _write(out: Path, built: BuiltSubmission, key: SecretKey | None) -> None:
     from host.errors import unwritable
     from host.submission.bundle import MANIFEST, bundle_bytes, manifest_text
 
@@ -137,7 +159,10 @@ def _write(out: Path, built: BuiltSubmission) -> None:
         if single is not None:
             out.write_bytes(built.files[single])
         elif out.suffix.lower() == ".zip":
-            out.write_bytes(bundle_bytes(built.files))
+            data = bundle_bytes(built.files)
+            out.write_bytes(data)
+            if key is not None:
+                _write_signature(out, data, manifest_text(built.files), key)
         else:
             for name, content in {**built.files, MANIFEST: manifest_text(built.files).encode()}.items():
                 place = out / name
@@ -147,9 +172,19 @@ def _write(out: Path, built: BuiltSubmission) -> None:
         raise unwritable(out, error) from error
 
 
-def _print(out: Path, built: BuiltSubmission) -> None:
+def _write_signature(out: Path, data: bytes, manifest: str, key: SecretKey) -> None:
+    import hashlib
+
+    from host.submission.signature import signature_path
+    from host.submission.signing_keys import sign
+
+    signature_path(out).write_bytes(sign(data, key, hashlib.sha256(manifest.encode()).hexdigest()))
+
+
+def _print(out: Path, built: BuiltSubmission, *, signed: bool) -> None:
     from analysis.scoring.summary import degrees
     from host.output.lines import write_lines
+    from host.submission.signature import signature_path
 
     n = len(built.submission.trials)
     alone = out.suffix.lower() in {".html", ".pdf"}
@@ -167,6 +202,11 @@ def _print(out: Path, built: BuiltSubmission) -> None:
         if trial.missing:
             lines.append(f"    missing in the cards: {', '.join(trial.missing)}")
     lines += [f"  {note}" for note in built.notes]
+    beside = signature_path(out)
+    if signed:
+        lines.append(f"signed: {beside}; send it with the archive")
+    elif beside.exists():
+        lines.append(f"{beside} is the signature of what was there before: sign again with --sign")
     if not built.submission.complete:
         lines.append("the submission is marked incomplete")
     write_lines(lines)

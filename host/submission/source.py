@@ -168,13 +168,16 @@ def sources_in(files: Mapping[str, bytes]) -> dict[str, TrialSource]:
         names = {name.partition("/")[0] for name in raw}
         mixed = len(raw) > 1 and not names.isdisjoint(raw)  # a file, and a folder of the same name
         if len(names) != 1 or mixed or any(name.count("/") > 1 for name in raw):
-            raise ValueError(f"trial {trial_id} has {len(names)} recordings, not one")
+            raise ValueError(f"trial {plain(trial_id)} has {len(names)} recordings, not one")
+        odd = [part for name in raw for part in name.split("/") if safe_name(part) != part]
+        if odd:
+            raise ValueError(f"trial {plain(trial_id)}: a recording is named '{plain(odd[0])}', as no report names it")
         try:
             cards = parse_cards(files[f"{folder}cards.toml"].decode("utf-8"), f"{folder}cards.toml")
             choices = msgspec.json.decode(files[f"{folder}choices.json"], type=Choices)
             choices.options(None)
         except (KeyError, UnicodeDecodeError, msgspec.MsgspecError, FileError, AnalysisError) as error:
-            raise ValueError(f"trial {trial_id}: {plain(error)}") from error
+            raise ValueError(f"trial {plain(trial_id)}: {plain(error)}") from error
         found[trial_id] = TrialSource(raw, cards, choices, files.get(f"{folder}baseline.toml"))
     return found
 

@@ -21,6 +21,7 @@ from host.cli import main
 from host.submission.bundle import MANIFEST, bundle_bytes, manifest_text, read_bundle
 from host.submission.contents import build_submission
 from host.submission.differences import numbers_equal
+from host.submission.made_with import is_drawn
 from host.submission.manifest import submission_json
 from host.submission.source import TrialSource
 from host.submission.verification import verify_files
@@ -320,8 +321,16 @@ def test_the_command_makes_the_same_bytes_in_another_folder_zone_locale_and_mask
     assert main(["report", str(tmp_path / "far" / "0.csv"), "--out", str(bundle)]) == 4
     capsys.readouterr()
     assert main(["verify", str(bundle), "--no-drawings"]) == 0
-    first, *named, verdict, _ = capsys.readouterr().out.splitlines()
-    assert first == "NOT compared: 26 files (left out on request)"
-    assert "  report.html, report.pdf" in named
+    first, *named, verdict, _, signed = capsys.readouterr().out.splitlines()
+    assert first == "NOT compared: figures/ (3 files), report.html, report.pdf, trials/*/figures/ (21 files)"
+    assert named[0] == "  left out on request:"
+    assert "    report.html, report.pdf" in named
     assert all(kind in str(named) for kind in ("figures/ drift.pdf, drift.png", "sphere.svg", "figures/ summary.pdf"))
-    assert verdict.startswith("equal as far as compared: ")
+    assert verdict.startswith("equal as far as compared: 14 of 40 files byte by byte; ")
+    assert signed == "not signed: who made it is not known"
+    # Whoever leaves out what is not looked at gets no better verdict.
+    assert main(["verify", str(bundle), "--no-drawings", "--strict"]) == 1
+    bundle.write_bytes(bundle_bytes({name: content for name, content in files.items() if not is_drawn(name)}))
+    capsys.readouterr()
+    assert main(["verify", str(bundle), "--no-drawings", "--strict"]) == 1
+    assert capsys.readouterr().out.startswith("NOT compared: figures and reports\n")

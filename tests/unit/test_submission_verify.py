@@ -231,26 +231,35 @@ def test_other_versions_are_said(sources, tmp_path):
     assert "matplotlib 1.0 (here " in found.notes[0]
 
 
-def test_a_result_from_before_the_link_was_counted_is_right_and_one_without_some_counters_is_not(tmp_path):
+def test_keys_that_an_older_program_did_not_write_are_not_compared_and_its_numbers_are(tmp_path):
     trial = tmp_path / "trial.mcap"
     write_recording(trial, virtual_chunks(scenario(motion={"cycles": 4, "period_s": 1.6}), duration_s=9.0)[0])
     files = build_submission([load_source(trial, CARDS, Choices())], drawings=False).files
     name = next(name for name in files if name.endswith("/result.json"))
     whole = json.loads(files[name])
 
-    def found(*removed, crc_errors=0):
+    def found(*removed, code=None, crc_errors=0):
         kept = {key: value for key, value in whole["link"].items() if key not in removed}
         result = {**whole, "link": {**kept, "crc_errors": crc_errors}}
-        changed = {**files, name: (json.dumps(result, indent=2, ensure_ascii=False) + "\n").encode()}
+        submission = json.loads(files["submission.json"])
+        submission["made_with"] |= {} if code is None else {"code": code}
+        changed = {
+            **files,
+            name: (json.dumps(result, indent=2, ensure_ascii=False) + "\n").encode(),
+            "submission.json": (json.dumps(submission, indent=1, ensure_ascii=False) + "\n").encode(),
+        }
         return verify_bundle(pack(tmp_path / "a.zip", changed), drawings=False)
 
     counters = [key for key in whole["link"] if key not in OLDER_LINK]
     assert "frames" in counters
-    assert found().notes == ()
-    assert found(*counters).differences == ()
-    assert "no counters" in found(*counters).notes[0]
+    assert (found().equal, found().rounded, found().notes) == (True, (), ())
+    older = found(*counters, code="0123456789ab")
+    assert older.differences == ()
+    assert older.uncompared == {name: "made with another code: numbers equal, words or keys are not"}
+    assert f"{name}: link.frames is missing" in older.notes
+    # The same program writes all of them, and no program another number.
     assert "link.frames is missing" in found("frames").differences[0]
-    assert "link.crc_errors is 1, recomputed 0" in found(*counters, crc_errors=1).differences[0]
+    assert "link.crc_errors is 1, recomputed 0" in str(found(*counters, code="0", crc_errors=1).differences)
 
 
 def test_chosen_end_points_travel_with_the_bundle(tmp_path):
