@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import msgspec
 
 from analysis.reporting import style
-from analysis.reporting.tables import SummaryRow, TrialFigure, pool
+from analysis.reporting.tables import ComparedRow, SummaryRow, TrialFigure, pool
 from analysis.series import AnalysisError
 
 MANY = 10
@@ -34,6 +34,8 @@ class ComparedSource:
     trials: tuple[TrialFigure, ...]
     note: str = ""
     """What a reader has to know about it, e.g. that it is incomplete."""
+    unverified: str = ""
+    """Why its numbers were not made again from the recordings; empty where they were, and are equal."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,9 @@ class Difference:
     For intervals of Student's t it is never narrower than Cochran's or Welch's: it errs on the side of "within".
     """
 
+    unverified: tuple[str, ...] = ()
+    """Those of the two hands whose numbers were not made again."""
+
     @property
     def larger(self) -> bool | None:
         """Whether the difference is larger than its uncertainty; None where that is not known."""
@@ -65,7 +70,7 @@ class Difference:
 class Comparison:
     """Everything compared."""
 
-    rows: tuple[SummaryRow, ...]
+    rows: tuple[ComparedRow, ...]
     """Hand, object, motion, pooled within each source."""
     differences: tuple[Difference, ...]
     """All pairs of hands with the same object and motion."""
@@ -84,7 +89,8 @@ def compare(sources: Sequence[ComparedSource], *, mix: bool = False) -> Comparis
     ComparisonError
         Rules differ and ``mix`` is not set: names which, where.
     """
-    notes = [f"{source.name}: {source.note}" for source in sources if source.note]
+    notes = [f"NOT verified: {source.name}: {source.unverified}" for source in sources if source.unverified]
+    notes += [f"{source.name}: {source.note}" for source in sources if source.note]
     mixed = _mixed(sources)
     if mixed and not mix:
         raise ComparisonError("; ".join(mixed))
@@ -93,11 +99,12 @@ def compare(sources: Sequence[ComparedSource], *, mix: bool = False) -> Comparis
     for place, source in enumerate(sources):
         for trial in source.trials:
             keys.setdefault((trial.hand, trial.object, trial.motion), set()).add(place)
-    rows: list[SummaryRow] = []
+    rows: list[ComparedRow] = []
     for source in sources:
         for row in pool(source.trials):
             several = len(keys[row.hand, row.object, row.motion]) > 1
-            rows.append(msgspec.structs.replace(row, hand=f"{row.hand} [{source.name}]") if several else row)
+            values = msgspec.structs.asdict(row) | ({"hand": f"{row.hand} [{source.name}]"} if several else {})
+            rows.append(ComparedRow(**values, unverified=source.unverified))
     rows.sort(key=lambda row: (row.object, row.motion, row.hand))
     differences = _differences(rows)
     known = sum(difference.larger is not None for difference in differences)
@@ -122,7 +129,7 @@ def _mixed(sources: Sequence[ComparedSource]) -> list[str]:
     return found
 
 
-def _differences(rows: Sequence[SummaryRow]) -> list[Difference]:
+def _differences(rows: Sequence[ComparedRow]) -> list[Difference]:
     found = []
     for place, first in enumerate(rows):
         for second in rows[place + 1 :]:
@@ -136,17 +143,18 @@ def _differences(rows: Sequence[SummaryRow]) -> list[Difference]:
     return found
 
 
-def _difference(more: SummaryRow, more_deg: float, less: SummaryRow, less_deg: float) -> Difference:
+def _difference(more: ComparedRow, more_deg: float, less: ComparedRow, less_deg: float) -> Difference:
     uncertainty = None
     if more.interval_deg is not None and less.interval_deg is not None:
         low_deg, high_deg = more.interval_deg
         # One that was cut at 0 is as wide below as above, or wider.
         below_deg = max(more_deg - low_deg, high_deg - more_deg)
         uncertainty = math.hypot(below_deg, less.interval_deg[1] - less_deg)
-    return Difference(more.object, more.motion, more.hand, less.hand, more_deg - less_deg, uncertainty)
+    unverified = tuple(row.hand for row in (more, less) if row.unverified)
+    return Difference(more.object, more.motion, more.hand, less.hand, more_deg - less_deg, uncertainty, unverified)
 
 
-def compare_figures(rows: Sequence[SummaryRow], whole: Comparison) -> Comparison:
+def compare_figures(rows: Sequence[ComparedRow], whole: Comparison) -> Comparison:
     """Return some rows of a comparison, with every difference that has to do with them."""
     hands = {(row.object, row.motion, row.hand) for row in rows}
     kept = [
@@ -165,12 +173,16 @@ def difference_text(difference: Difference) -> str:
     else:
         relation = "larger than" if difference.larger else "within"
         verdict = f"{relation} the uncertainty of ±{difference.uncertainty_deg:.3f}°"
-    return f"{difference.object}, {difference.motion}: {size}; {verdict}"
+    doubt = f"; not verified: {' and '.join(difference.unverified)}" if difference.unverified else ""
+    return f"{difference.object}, {difference.motion}: {size}; {verdict}{doubt}"
 
 
 @style.style()
 def forest_figure(rows: Sequence[SummaryRow]) -> style.PaperFigure:
-    """Return a figure: θ̄ of every row with its interval, grouped by object and motion."""
+    """Return a figure: θ̄ of every row with its interval, grouped by object and motion.
+
+    What was not verified has an open mark, and words beside it.
+    """
     groups = list(dict.fromkeys((row.object, row.motion) for row in rows))
     figure = style.new_figure(0.9 + 0.21 * (len(rows) + len(groups)), 6.0)
     ax = figure.subplots()
@@ -189,9 +201,11 @@ def forest_figure(rows: Sequence[SummaryRow]) -> style.PaperFigure:
             else:
                 if row.interval_deg is not None:
                     ax.plot(row.interval_deg, [y, y], "-", color=style.BLUE, lw=1.8, solid_capstyle="butt")
-                ax.plot(row.theta_bar_mean_deg, y, "s", color=style.VERMILION, ms=4.5, mec="white", mew=0.4)
+                doubtful = isinstance(row, ComparedRow) and row.unverified
+                fill, edge = ("white", style.VERMILION) if doubtful else (style.VERMILION, "white")
+                ax.plot(row.theta_bar_mean_deg, y, "s", mfc=fill, ms=4.5, mec=edge, mew=0.9 if doubtful else 0.4)
                 ends = "" if row.interval_deg is None else f" ({row.interval_deg[0]:.3f} … {row.interval_deg[1]:.3f})"
-                text = f"{row.theta_bar_mean_deg:.3f}{ends}, n = {row.n_valid}"
+                text = f"{row.theta_bar_mean_deg:.3f}{ends}, n = {row.n_valid}{', not verified' if doubtful else ''}"
             ax.annotate(
                 text, (1.01, y), xycoords=("axes fraction", "data"), va="center", fontsize=6.5, annotation_clip=False
             )

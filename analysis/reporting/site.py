@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from analysis.reporting.comparison import CRITERION, Comparison, compare_figures, difference_text, forest_bytes
 from analysis.reporting.html import data_uri, page_template
-from analysis.reporting.tables import COLUMNS, SummaryRow, summary_csv, summary_latex, summary_markdown
+from analysis.reporting.tables import COLUMNS, VERIFIED, ComparedRow, summary_csv, summary_latex, summary_markdown
 
 
 def comparison_html(
@@ -27,7 +27,7 @@ def comparison_html(
     return page_template("comparison.html").render(
         title=title,
         notes=comparison.notes,
-        columns=COLUMNS,
+        columns=(*COLUMNS, VERIFIED),
         rows=comparison.rows,
         pages=pages or {},
         forest=data_uri("image/svg+xml", forest_bytes(comparison.rows, "svg")),
@@ -57,7 +57,7 @@ def site_files(comparison: Comparison, version: str) -> dict[str, bytes]:
     return files
 
 
-def _page_names(rows: Sequence[SummaryRow]) -> dict[str, str]:
+def _page_names(rows: Sequence[ComparedRow]) -> dict[str, str]:
     keys = list(dict.fromkeys([f"hand:{row.hand}" for row in rows] + [f"object:{row.object}" for row in rows]))
     names: dict[str, str] = {}
     for key in keys:

@@ -68,6 +68,22 @@ class SummaryRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return (self.hand, self.object, self.motion, *self.figures)
 
 
+class ComparedRow(SummaryRow, frozen=True, forbid_unknown_fields=True):
+    """A row of a comparison: whether its numbers were made again from the recordings stands beside them."""
+
+    unverified: str
+    """Why they were not; empty where they were."""
+
+    @property
+    def verified(self) -> str:
+        """The cell that a reader sees."""
+        return f"not verified: {self.unverified}" if self.unverified else "yes"
+
+
+VERIFIED = "verified"
+"""Name of that column, in comparisons only."""
+
+
 def pool(trials: Sequence[TrialFigure]) -> list[SummaryRow]:
     """Return repeats pooled: mean, range, and an interval of the mean.
 
@@ -130,21 +146,23 @@ def summary_csv(rows: Sequence[SummaryRow]) -> str:
     writer = csv.writer(buffer, lineterminator="\n")
     names = "hand object motion theta_bar_mean_deg interval_low_deg interval_high_deg interval_kind"
     names += " theta_bar_min_deg theta_bar_max_deg n_valid n_trials"
-    writer.writerow(names.split())
+    writer.writerow([*names.split(), *_compared(rows, VERIFIED)])
     for row in rows:
         texts = map(safe_cell, (row.hand, row.object, row.motion))
         numbers = map(_exact, (row.theta_bar_mean_deg, row.interval_low_deg, row.interval_high_deg))
         ends = map(_exact, (row.theta_bar_min_deg, row.theta_bar_max_deg))
-        writer.writerow([*texts, *numbers, row.interval_kind, *ends, row.n_valid, row.n_trials])
+        counts = (row.n_valid, row.n_trials)
+        writer.writerow([*texts, *numbers, row.interval_kind, *ends, *counts, *map(safe_cell, _verified(row))])
     return buffer.getvalue()
 
 
 def summary_markdown(rows: Sequence[SummaryRow]) -> str:
     """Return the summary as a Markdown table."""
-    lines = ["| " + " | ".join(COLUMNS) + " |", "|---|---|---|---:|---:|---:|---:|"]
+    lines = [f"| {' | '.join([*COLUMNS, *_compared(rows, VERIFIED)])} |"]
+    lines.append(f"|---|---|---|---:|---:|---:|---:|{''.join(_compared(rows, '---|'))}")
     for row in rows:
         cells = [_escaped(cell) for cell in (row.hand, row.object, row.motion)]
-        lines.append("| " + " | ".join([*cells, *row.figures]) + " |")
+        lines.append("| " + " | ".join([*cells, *row.figures, *map(_escaped, _verified(row))]) + " |")
     return "\n".join(lines) + "\n"
 
 
@@ -152,17 +170,26 @@ def summary_latex(rows: Sequence[SummaryRow]) -> str:
     """Return the summary as a LaTeX table (booktabs)."""
     lines = [
         "% needs \\usepackage{booktabs}; names in other than Latin letters need XeLaTeX or LuaLaTeX",
-        "\\begin{tabular}{lllrrrr}",
+        f"\\begin{{tabular}}{{lllrrrr{''.join(_compared(rows, 'l'))}}}",
         "\\toprule",
         "Hand & Object & Motion & $\\bar{\\theta}$ ($^\\circ$) & 95\\,\\% interval ($^\\circ$) & Range ($^\\circ$) & "
-        "Trials \\\\",
+        f"{' & '.join(['Trials', *_compared(rows, 'Verified')])} \\\\",
         "\\midrule",
     ]
     for row in rows:
         cells = [_latex(cell) for cell in (row.hand, row.object, row.motion)]
         figures = [figure.replace("…", "--").replace("—", "---") for figure in row.figures]
-        lines.append(" & ".join([*cells, *figures]) + " \\\\")
+        lines.append(" & ".join([*cells, *figures, *map(_latex, _verified(row))]) + " \\\\")
     return "\n".join([*lines, "\\bottomrule", "\\end{tabular}"]) + "\n"
+
+
+def _compared(rows: Sequence[SummaryRow], text: str) -> list[str]:
+    """Return a text in a list of its own where the rows are those of a comparison, which has one column more."""
+    return [text] if any(isinstance(row, ComparedRow) for row in rows) else []
+
+
+def _verified(row: SummaryRow) -> list[str]:
+    return [row.verified] if isinstance(row, ComparedRow) else []
 
 
 def _exact(value: float | None) -> str:

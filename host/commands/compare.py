@@ -16,7 +16,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "compare",
         help="put submissions side by side: table, forest plot, static site",
         description=(
-            "Compare submissions (.zip), results of `rotdrift score --json` (.json), or folders of them. Without "
+            "Compare submissions (.zip), results of `rotdrift score --json` (.json), or folders of them. Submissions "
+            "are scored again from the recordings in them; what cannot be is marked as not verified. Without "
             "--out the table is printed as Markdown. --out NAME.csv, .md, .tex, .html, .svg, .png or .pdf (forest "
             "plot), or a folder: a static site with one page per hand and one per object."
         ),
@@ -24,6 +25,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("sources", nargs="+", type=Path, metavar="BUNDLE|RESULT", help="what to compare")
     parser.add_argument("--out", type=Path, metavar="FILE|FOLDER", help="what to write")
     parser.add_argument("--mix", action="store_true", help="compare even results made by different rules, with a note")
+    parser.add_argument(
+        "--no-verify",
+        action="store_true",
+        help="do not score the recordings again (faster); every row is marked as not verified",
+    )
     parser.add_argument("--force", action="store_true", help="replace files that exist")
 
 
@@ -44,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from host.submission.comparison_sources import load_sources
 
     try:
-        comparison = compare(load_sources(args.sources), mix=args.mix)
+        comparison = compare(load_sources(args.sources, verify=not args.no_verify), mix=args.mix)
     except ComparisonError as error:
         raise UsageError(
             f"these results do not follow the same rules ({error})", "compare them nevertheless with --mix"
