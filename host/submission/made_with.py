@@ -34,12 +34,7 @@ _CODE = {".py", ".html", ".css", ".js", ".gz"}
 
 def made_with() -> dict[str, str]:
     """Return the versions that decide the bytes of a submission; without pyarrow it holds no parquet."""
-    packages = {}
-    for name in PACKAGES:
-        try:
-            packages[name] = version(name)
-        except PackageNotFoundError:
-            continue
+    packages = {name: installed for name in PACKAGES if (installed := _installed(name)) is not None}
     return {
         "rotdrift": VERSION,
         "code": code_digest(),
@@ -49,6 +44,14 @@ def made_with() -> dict[str, str]:
         "zlib": zlib.ZLIB_RUNTIME_VERSION,
         "platform": f"{platform.system()} {platform.machine()}",
     }
+
+
+@functools.cache
+def _installed(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 @functools.cache

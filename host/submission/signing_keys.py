@@ -131,7 +131,7 @@ def write_keys(secret: Path) -> tuple[Path, str]:
     text = pair.public_key.to_base64().decode("ascii")
     # minisign writes the id with its highest byte first; the library's own comment would have it the other way round.
     pair.public_key.untrusted_comment = f"minisign public key {_key_id(text.encode())}"
-    pair.secret_key.untrusted_comment = "minisign secret key, without password (minisign -C gives it one)"
+    pair.secret_key.untrusted_comment = "minisign secret key"
     try:
         # The mode is set when the file is made: at no moment can another user open it.
         descriptor = os.open(secret, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

@@ -8,48 +8,25 @@ import random
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from msgspec import structs
 
-import host.submission.verification
-from analysis.formats.named_csv import csv_text
-from host.cards.definitions import parse_cards
 from host.cli import main
 from host.submission.bundle import MANIFEST, bundle_bytes, manifest_text, read_bundle
 from host.submission.contents import build_submission
 from host.submission.differences import numbers_equal
 from host.submission.made_with import is_drawn
-from host.submission.manifest import submission_json
-from host.submission.source import TrialSource
 from host.submission.verification import verify_files
-from tests.scored_trials import scored
+from tests.verified_submissions import CARDS, remember, trial_source, under_new_manifest
 from tests.waiting import HANG_S
-
-CARDS = """
-[object]
-type = "cube"
-dimensions = {{ x_mm = 60, y_mm = 60, z_mm = 60 }}
-mass_g = 180.5
-com_mm = [0, 0, 2.5]
-[hand]
-model = "T42"
-aperture_mm = 90
-[trial]
-motion = "{motion}"
-"""
 
 
 @pytest.fixture(scope="module")
 def sources():
-    found = []
-    for number, motion in enumerate(("roll", "roll", "pitch")):
-        series, _ = scored(cycles=5, slip_deg=0.0, seed=number)
-        cards = parse_cards(CARDS.format(motion=motion))
-        found.append(TrialSource({f"{number}.csv": csv_text(series).encode()}, cards))
-    return found
+    return [
+        trial_source(f"{number}.csv", motion, seed=number) for number, motion in enumerate(("roll", "roll", "pitch"))
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -67,24 +44,10 @@ def undrawn(sources):
 def verified(monkeypatch, sources, drawn, undrawn):
     """Verify altered files; what the same sources gave once is not computed again."""
 
-    def remembered(found, *, title, versions, drawings):
-        made = drawn if drawings else undrawn
-        count = 1 if drawings else len(sources)
-        same = sorted(found, key=lambda s: s.file_name) == sources[:count] and title == made.submission.title
-        ours = made.submission.made_with
-        if same and versions == ours:
-            return made
-        if same and versions == {**ours, **versions} and versions["rotdrift"] == ours["rotdrift"]:
-            # Only what it was made with is written otherwise.
-            claimed = submission_json(structs.replace(made.submission, made_with=versions))
-            return replace(made, files={**made.files, "submission.json": claimed})
-        return build_submission(found, title=title, versions=versions, drawings=drawings)
-
-    monkeypatch.setattr(host.submission.verification, "build_submission", remembered)
+    remember(monkeypatch, (sources[:1], drawn), (sources, undrawn))
 
     def verify(files, **changes):
-        whole = {**files, **changes.pop("changed", {})}
-        return verify_files({**whole, MANIFEST: manifest_text(whole).encode()}, **changes)
+        return verify_files(under_new_manifest({**files, **changes.pop("changed", {})}), **changes)
 
     return verify
 
