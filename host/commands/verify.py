@@ -132,18 +132,23 @@ def _not_compared(found: Verification) -> Iterator[str]:
     str
         Parts of one line.
     """
-    kinds = Counter(re.sub(r"^(trials/)[^/]+(/(?:figures/)?)", r"\1*\2", name) for name in found.uncompared)
-    folders = Counter[str]()
-    for kind, count in kinds.items():
-        folders[f"{kind.rpartition('/')[0]}/" if "figures/" in kind else kind] += count
-    if folders:
-        yield ", ".join(f"{name} ({count} files)" if count > 1 else name for name, count in folders.items())
-    if not found.drawings and not found.uncompared:
+    if found.uncompared:
+        yield _kinds(found.uncompared)
+    elif not found.drawings:
         yield "figures and reports"
     if found.rounded:
-        yield f"the last digits of {', '.join(found.rounded)} (numbers equal within 1e-9)"
+        yield f"the last digits of {_kinds(found.rounded)} (numbers equal within 1e-9)"
     if found.packing:
         yield f"how the archive is packed ({found.packing})"
+
+
+def _kinds(names: Iterable[str]) -> str:
+    """Name files, those of a folder of figures and those of every trial together."""
+    kinds = Counter[str]()
+    for name in names:
+        kind = re.sub(r"^trials/[^/]+/", "trials/*/", name)
+        kinds[f"{kind.rpartition('/')[0]}/" if "figures/" in kind else kind] += 1
+    return ", ".join(f"{name} ({count} files)" if count > 1 else name for name, count in kinds.items())
 
 
 def _reasons(found: Verification) -> list[str]:

@@ -187,7 +187,7 @@ class _Comparison:
         elif self._others & PROGRAM and all(difference.of_program for difference in found):
             # Its numbers were compared and are equal; only its words cannot be.
             self.uncompared[name] = f"made with another {self._named(PROGRAM)}: numbers equal, words or keys are not"
-            self.notes += [f"{shown}: {difference.text}" for difference in found]
+            self.notes.append(f"{shown}: {'; '.join(difference.text for difference in found)}")
             return []
         return [f"{shown}: {difference.text}" for difference in found]
 
