@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 
@@ -32,6 +31,7 @@ def run(args: argparse.Namespace) -> int:
         One of the files exists already, or cannot be written.
     """
     from host.errors import UsageError
+    from host.output.lines import write_lines
     from host.submission.signature import require_extra
     from host.text import plain
 
@@ -41,9 +41,11 @@ def run(args: argparse.Namespace) -> int:
     if not args.key.name or args.key.suffix == PUBLIC_SUFFIX:
         raise UsageError(f"'{plain(args.key)}' is not a name for a secret key", "give one such as lab.key")
     public, text = write_keys(args.key)
-    sys.stdout.write(
-        f"wrote {plain(args.key)}: secret, without password; keep it, and keep it to yourself\n"
-        f"wrote {plain(public)}: public; publish it with the paper, or the key itself:\n"
-        f"  {text}\n"
+    write_lines(
+        (
+            f"wrote {args.key}: secret, without password; keep it, and keep it to yourself",
+            f"wrote {public}: public; publish it with the paper, or the key itself:",
+            f"  {text}",
+        )
     )
     return 0

@@ -135,9 +135,8 @@ def _refuse_existing(out: Path, *, force: bool) -> None:
 
 def _secret_key(args: argparse.Namespace) -> SecretKey:
     """Return the key to sign with, before anything is scored: a wrong password shall not cost minutes."""
-    from getpass import getpass
-
     from host.errors import UsageError
+    from host.output.lines import ask_secret
     from host.submission.signature import require_extra, signature_path
 
     if args.out.suffix.lower() != ".zip":
@@ -146,7 +145,7 @@ def _secret_key(args: argparse.Namespace) -> SecretKey:
     from host.submission.signing_keys import load_secret_key
 
     _refuse_existing(signature_path(args.out), force=args.force)
-    return load_secret_key(args.sign, getpass if sys.stdin.isatty() else lambda _: sys.stdin.readline().rstrip("\n"))
+    return load_secret_key(args.sign, ask_secret)
 
 
 def _write(out: Path, built: BuiltSubmission, key: SecretKey | None) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import traceback
 from collections.abc import Iterable
+from getpass import getpass
 from typing import TextIO
 
 from host.output.streams import KEPT
@@ -61,6 +62,11 @@ def output_stream() -> TextIO:
 def ask(prompt: str) -> str:
     """Return the line that a person types after a prompt; Python's ``input`` prints past ``sys.stdout``."""
     return input(one_line(prompt))
+
+
+def ask_secret(prompt: str) -> str:
+    """Return the line that a person types unseen; where standard input is not a terminal, its next line."""
+    return getpass(one_line(prompt)) if sys.stdin.isatty() else sys.stdin.readline().rstrip("\n")
 
 
 def _write(text: str, stream: TextIO) -> None:
