@@ -312,9 +312,11 @@ def test_what_verify_found_is_shown_harmless():
 
     from host.commands.verify import _lines
     from host.output.lines import write_lines
+    from host.submission.signature import SignatureFinding, Standing
     from host.submission.verification import Verification
 
-    known = {"digest": HOSTILE, "n_files": 1, "n_trials": 1, "uncompared": {HOSTILE: HOSTILE}}
+    known = {"digest": HOSTILE, "n_files": 1, "n_trials": 1, "uncompared": {HOSTILE: HOSTILE}, "packing": HOSTILE}
+    known |= {"signature": SignatureFinding(Standing.BAD, HOSTILE, HOSTILE, HOSTILE), "submission": None}
     values = {f.name: known.get(f.name, (HOSTILE,)) for f in fields(Verification) if f.init}
     out = io.StringIO()
     write_lines(_lines(Verification(**values)), out)
