@@ -14,10 +14,11 @@ from host.errors import FileError
 MAX_KEPT_BYTES = 256 * 2**20
 """Bytes kept in memory while nothing can be written: five hours at 200 Hz. Beyond it, what is lost is reported."""
 RETRY_NS = 1_000_000_000
-SYNC_NS = 1_000_000_000
-"""How often the system is asked to write what it holds to the disk: what a power cut may cost."""
+SYNC_NS = 500_000_000
+"""How often the system is asked to write what it holds to the disk. A power cut may cost this and how long the disk needs
+for it, together at most a second."""
 SYNC_WAIT_S = 0.2
-"""How long closing waits for a disk that is still at it."""
+"""How long closing waits for a disk that is still at it, and again for the last bytes."""
 
 
 class RecordingSink:
@@ -102,23 +103,40 @@ class RecordingSink:
         return True
 
     def sync_if_due(self, now_ns: int) -> None:
-        """Have what was handed to the system written to the disk, once a second, beside the capture: it may be slow."""
+        """Have what was handed to the system written to the disk, now and then, beside the capture: it may be slow."""
+        if now_ns >= self._sync_at_ns and not self.closed and self._start_sync():
+            self._sync_at_ns = now_ns + SYNC_NS
+
+    def _start_sync(self) -> bool:
+        """Start to sync what is not on the disk itself; False where there is nothing, or the disk is still at it."""
         busy = self._syncing is not None and self._syncing.is_alive()
-        if now_ns < self._sync_at_ns or busy or self.closed or self.bytes_synced == self._position:
-            return
-        self._sync_at_ns = now_ns + SYNC_NS
+        if busy or self.bytes_synced == self._position:
+            return False
         # A descriptor of its own: closing the file meanwhile must not let it sync another.
         arguments = (os.dup(self._descriptor), self._position)
         self._syncing = threading.Thread(target=self._sync, args=arguments, name="rotdrift-sync", daemon=True)
         self._syncing.start()
+        return True
 
     def _sync(self, descriptor: int, position: int) -> None:
         try:
             with contextlib.suppress(OSError):  # pipes and some network disks cannot
                 getattr(os, "fdatasync", os.fsync)(descriptor)
+                if not self.bytes_synced:
+                    self._sync_folder()
                 self.bytes_synced = position
         finally:
             os.close(descriptor)
+
+    def _sync_folder(self) -> None:
+        """Have the name of the file on the disk as well: on some file systems its bytes alone do not bring it there."""
+        if os.name == "posix":  # elsewhere folders cannot be opened
+            with contextlib.suppress(OSError):
+                folder = os.open(self.path.parent, os.O_RDONLY)
+                try:
+                    os.fsync(folder)
+                finally:
+                    os.close(folder)
 
     def removed(self) -> bool:
         """Return whether the file was deleted or replaced under us; what is written then is in nobody's folder."""
@@ -168,6 +186,8 @@ class RecordingSink:
             return
         self.flush_pending()
         if self._syncing is not None:
+            self._syncing.join(SYNC_WAIT_S)
+        if self._start_sync() and self._syncing is not None:  # the last bytes: the system would keep them for a while
             self._syncing.join(SYNC_WAIT_S)
         os.close(self._descriptor)
         self.closed = True

@@ -1,7 +1,7 @@
 """Writing a recording: raw first, unchunked, flushed, never over an existing file.
 
 Unchunked and flushed every :data:`FLUSH_PERIOD_NS`, a killed capture loses at most what came since the last flush, and
-a machine without power at most what came since the last sync, a second and how long the disk needs for it; the
+a machine without power at most what came since the last sync, half a second and how long the disk needs for it; the
 library's default chunks would lose everything since the last megabyte, and its seeking reader does not open a cut file.
 """
 

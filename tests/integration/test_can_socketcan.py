@@ -5,18 +5,10 @@ What is checked stands in ``tests/uml/guest_checks.py``; ``tests/system-packages
 
 from __future__ import annotations
 
-import os
-import platform
-import shutil
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 
-from tests.waiting import HANG_S
+from tests.uml.boot import boot, missing
 
-UML = Path(__file__).resolve().parents[1] / "uml"
 CHECKS = [
     "vcan_classic",
     "vcan_fd",
@@ -33,53 +25,13 @@ CHECKS = [
 LIMIT_S = 480
 
 
-def missing() -> str | None:
-    if sys.platform != "linux" or platform.machine() != "x86_64":
-        return "user-mode Linux is there for Linux on x86-64 only"
-    if not list(Path("/usr/lib/uml/modules").glob("*/kernel/drivers/net/can/vcan.ko")):
-        return "the user-mode kernel is not installed: tests/system-packages.sh"
-    path = "/usr/sbin:/sbin:" + os.environ.get("PATH", "")
-    for program in ("linux.uml", "candump", "canplayer", "slcand", "ip"):
-        if shutil.which(program, path=path) is None:
-            return f"{program} is not installed: tests/system-packages.sh"
-    if "amx_tile" in Path("/proc/cpuinfo").read_text() and shutil.which("gcc") is None:
-        return "on processors with AMX the user-mode kernel needs a small library, and there is no gcc to make it"
-    return None
-
-
 @pytest.fixture(scope="module")
 def said(tmp_path_factory: pytest.TempPathFactory) -> str:
     """What the guest printed."""
-    reason = missing()
+    reason = missing(("candump", "canplayer", "slcand", "ip"), "vcan")
     if reason:
         pytest.skip(reason)
-    work = tmp_path_factory.mktemp("uml")
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
-    if "amx_tile" in Path("/proc/cpuinfo").read_text():
-        library = work / "full_xstate.so"
-        command = ["gcc", "-O2", "-shared", "-fPIC", "-o", str(library), str(UML / "full_xstate.c"), "-ldl"]
-        subprocess.run(command, check=True, timeout=HANG_S)
-        environment["LD_PRELOAD"] = str(library)
-    kernel = ["linux.uml", "mem=768M", "root=/dev/root", "rootfstype=hostfs", "rootflags=/", "ro", "quiet"]
-    consoles = ["con=null", "con0=null,fd:1", "con1=null"]
-    guest = [f"init={UML / 'init.sh'}", f"UML_REPOSITORY={UML.parents[1]}", f"UML_PYTHON={sys.executable}"]
-    output = work / "console.txt"
-    with output.open("wb") as file:
-        process = subprocess.Popen(
-            [*kernel, *consoles, *guest],
-            stdin=subprocess.DEVNULL,
-            stdout=file,
-            stderr=subprocess.STDOUT,
-            env=environment,
-            start_new_session=True,
-        )
-        try:
-            process.wait(LIMIT_S)
-        finally:
-            if process.poll() is None:
-                os.killpg(process.pid, 9)
-                process.wait(HANG_S)
-    text = output.read_text(errors="replace")
+    text = boot("tests.uml.guest_checks", tmp_path_factory.mktemp("uml"), LIMIT_S)
     if "CHECK" not in text:
         pytest.skip(f"the user-mode kernel does not run here: {text.strip().splitlines()[-1:]}")
     return text

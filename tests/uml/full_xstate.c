@@ -1,6 +1,6 @@
 /* User-mode Linux 6.1 on processors with AMX: its buffer for the floating-point state has 4 kB, the state 11 kB, and the
  * kernel refuses to set a part (EFAULT). Here the whole state is read, the known part replaced, and the whole set.
- * Preloaded into the user-mode kernel by tests/integration/test_can_socketcan.py; nothing else needs it. */
+ * Preloaded into the user-mode kernel by tests/uml/boot.py; nothing else needs it. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <stdarg.h>

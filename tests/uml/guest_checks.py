@@ -6,7 +6,6 @@ Every check is a function of its own name; the tests outside expect one line eac
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import io
 import json
 import os
@@ -41,19 +40,8 @@ from host.stream.decoding import Link
 from tests.can_link_run import finish, object_on, open_transport, over, receive
 from tests.can_traffic import joined
 from tests.emulated_packets import trial_packets
+from tests.uml.kernel_modules import insert
 from tests.waiting import HANG_S, wait_for
-
-FINIT_MODULE = 313  # x86-64
-
-
-def insert(*names: str) -> None:
-    """Load kernel modules, dependencies first, without kmod."""
-    libc = ctypes.CDLL(None, use_errno=True)
-    for name in names:
-        path = next(Path("/usr/lib/uml/modules").glob(f"{os.uname().release}/**/{name}.ko"))
-        with path.open("rb") as file:
-            if libc.syscall(FINIT_MODULE, file.fileno(), b"", 0) and ctypes.get_errno() != 17:
-                raise OSError(ctypes.get_errno(), f"insmod {name}")
 
 
 def sh(*words: str) -> None:

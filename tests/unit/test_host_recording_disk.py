@@ -2,6 +2,7 @@
 
 import errno
 import os
+import stat
 import sys
 import tempfile
 import threading
@@ -10,7 +11,7 @@ import pytest
 
 from host.capture.loop import LOOP_S
 from host.recording.reader import RecordingReader
-from host.recording.sink import RecordingSink
+from host.recording.sink import SYNC_NS, RecordingSink
 from host.recording.writer import FLUSH_PERIOD_NS
 from tests.small_recordings import MONO, chunks, writer
 from tests.waiting import HANG_S, wait_for
@@ -121,7 +122,7 @@ def test_flushed_data_is_in_the_file_while_it_is_still_being_written(tmp_path):
     sink.close()
 
 
-def test_what_was_flushed_is_brought_to_the_disk_every_second_beside_the_capture(tmp_path, monkeypatch):
+def test_what_was_flushed_is_brought_to_the_disk_now_and_then_beside_the_capture(tmp_path, monkeypatch):
     let_go, synced = threading.Event(), []
 
     def slow_disk(descriptor):
@@ -145,6 +146,26 @@ def test_what_was_flushed_is_brought_to_the_disk_every_second_beside_the_capture
     sink.close()
     assert len(synced) == 2
     assert not [thread for thread in threading.enumerate() if thread.name == "rotdrift-sync"]
+
+
+def test_the_last_bytes_are_brought_to_the_disk_at_the_end_and_the_name_with_the_first(tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(os, "fdatasync", lambda descriptor: synced.append(os.fstat(descriptor).st_size), raising=False)
+    monkeypatch.setattr(os, "fsync", lambda descriptor: synced.append(stat.S_ISDIR(os.fstat(descriptor).st_mode)))
+    sink = RecordingSink(tmp_path / "a.bin")
+    sink.write(b"x" * 1000)
+    sink.flush()
+    sink.sync_if_due(10**9)
+    wait_for(lambda: sink.bytes_synced == 1000, "the first bytes on the disk")
+    sink.write(b"y" * 500)
+    sink.close()
+    assert sink.bytes_synced == 1500
+    assert synced == ([1000, True, 1500] if os.name == "posix" else [1000, 1500])
+
+
+def test_a_power_cut_costs_less_than_a_second_where_the_disk_needs_less_than_a_third():
+    slowest_disk_ns = 333_000_000
+    assert FLUSH_PERIOD_NS + 2 * LOOP_S * 1e9 + SYNC_NS + slowest_disk_ns < 1_000_000_000
 
 
 def test_a_disk_that_hangs_does_not_hold_up_the_end(tmp_path, monkeypatch):
