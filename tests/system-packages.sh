@@ -1,8 +1,8 @@
 #!/bin/sh
 # Installs what some tests need beside Python, on Debian and Ubuntu: a browser, GNU Octave, a C compiler, minisign, the
-# user-mode kernel with SocketCAN; last, as they are large (100 MB to download), what compiles C for a Cortex-M and
-# emulates it, and a fuzzer. Best effort: it asks nothing, ends within LIMIT_S seconds, and always with 0, because a test
-# whose program is missing skips and says so.   LIMIT_S=300 tests/system-packages.sh
+# user-mode kernel with SocketCAN, tools of ext4; last, as they are large (100 MB to download), what compiles C for a
+# Cortex-M and emulates it, and a fuzzer. Best effort: it asks nothing, ends within LIMIT_S seconds, and always with 0,
+# because a test whose program is missing skips and says so.   LIMIT_S=300 tests/system-packages.sh
 set -u
 DEADLINE=$(($(date +%s) + ${LIMIT_S:-300}))
 LOG=$(mktemp)
@@ -18,6 +18,7 @@ any unzip || wanted="$wanted unzip"
 any ip || wanted="$wanted iproute2"
 any candump || wanted="$wanted can-utils"
 any minisign || wanted="$wanted minisign"
+any debugfs || wanted="$wanted e2fsprogs"
 [ "$(uname -m)" != x86_64 ] || any linux.uml || wanted="$wanted user-mode-linux"
 large=""
 any arm-none-eabi-gcc || large="$large gcc-arm-none-eabi"

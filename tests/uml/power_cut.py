@@ -1,5 +1,7 @@
 """Runs inside the user-mode kernel: a capture to a disk whose cache loses what is not flushed.
 
+Meanwhile the wall clock of that kernel is set forward and back by an hour.
+
 ``/dev/ubda`` holds an empty file system, ``/dev/ubdb`` takes the journal of what has lasted, ``/dev/ubdc`` the log of
 the link, which is the account of what was received. The test outside puts them together.
 """
@@ -49,6 +51,11 @@ def synced() -> int:
     return int.from_bytes(SYNCED.read_bytes()[-8:], "little") if SYNCED.exists() else 0
 
 
+def step_wall_clock(by_s: float) -> None:
+    time.clock_settime(time.CLOCK_REALTIME, time.time() + by_s)
+    print(f"CHECK wall clock stepped by {by_s:g} s", flush=True)
+
+
 def main() -> int:
     insert("nbd")
     image, log = bytearray(Path("/dev/ubda").read_bytes()), WORK / "link.txt"
@@ -68,7 +75,10 @@ def main() -> int:
             stdout=subprocess.DEVNULL,
         )
         wait_for(lambda: size_of(log) > 10_000, "data")
-        time.sleep(CAPTURE_S)
+        for by_s in (3600.0, -7200.0, 3600.0):
+            time.sleep(CAPTURE_S / 4)
+            step_wall_clock(by_s)
+        time.sleep(CAPTURE_S / 4)
         capture.send_signal(signal.SIGINT)  # the end is a moment at which power may fail, too
         code = capture.wait(HANG_S)
     # At once, before the system writes by itself what the program has left in its memory.
