@@ -1,9 +1,9 @@
 """Power fails in mid-capture: on a disk that loses what was not flushed, all but the last moment is there, and scores.
 
-The disk is a block device of a real kernel (a user-mode one, booted as an ordinary process) with a real file system on
-it; what it loses is decided in ``tests/uml/volatile_disk.py``. A real capture of a real serial device writes to it, while
-the wall clock of that kernel is set forward and back by an hour. How many seconds are lost depends on how busy the machine
-is: ``python -m benchmarks.power_cut``.
+The disk is a block device of a real kernel (a user-mode one, booted as an ordinary process) with a real file system
+on it; what it loses is decided in ``tests/uml/volatile_disk.py``. A real capture of a real serial device writes to it,
+while the wall clock of that kernel is set forward and back by an hour. How many seconds are lost depends on how busy
+the machine is: ``python -m benchmarks.power_cut``.
 """
 
 from __future__ import annotations
