@@ -1,1 +1,1 @@
-"""The one door to the terminal: whatever is printed goes through here, without what a terminal would act on."""
+"""The only way to the terminal: whatever is printed goes through here, without what a terminal would act on."""

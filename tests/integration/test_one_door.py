@@ -29,6 +29,7 @@ import emulator
 import firmware_protocol
 import host
 from host import cli
+from host.command_line.configuration import SETTINGS
 from host.commands import COMMANDS
 from host.errors import HostError
 from tests.command_line import environment, quick_scenario, rotdrift_here
@@ -44,7 +45,7 @@ ROOT = Path(__file__).parents[2]
 
 def run(*arguments, cwd="."):
     """Run the command; check all it prints, and that every line of an error is one of ours."""
-    done = rotdrift_here(*arguments, cwd=cwd)
+    done = rotdrift_here(*arguments, cwd=cwd, XDG_CONFIG_HOME=str(Path(cwd).absolute()))  # not this person's defaults
     check_clean(done.stdout, done.stderr)
     if "--debug" not in arguments:
         assert all(line.startswith("rotdrift: ") for line in done.stderr.splitlines()), ascii(done.stderr)
@@ -153,7 +154,8 @@ SUFFIXES = {
     "archive": ".zip",
 }
 ON_FILES = (
-    ("score", "FILE"), ("score", "FILE", "--json"), ("score", "FILE", "FILE"),
+    ("score", "FILE"), ("score", "FILE", "--json"), ("score", "FILE", "--csv"), ("score", "FILE", "--quiet"),
+    ("score", "FILE", "FILE"),
     ("score", "c.csv", "--endpoints", "FILE"),
     ("score", "c.csv", "--baseline", "FILE"), ("score", "c.csv", "--plot", "FILE.nothing"),
     ("score", "c.csv", "--preceding", "FILE"), ("replay", "FILE", "--plain"), ("recover", "FILE", "NEW.mcap"),
@@ -214,6 +216,15 @@ def test_every_key_of_a_scenario_is_shown_harmless(tmp_path):
     for number, values in enumerate(cases):
         (tmp_path / "s.toml").write_text(tomli_w.dumps(values), encoding="utf-8")
         run("emulate", "--scenario", "s.toml", "--link", f"file:{number}.bin", "--duration", "0.01", cwd=tmp_path)
+
+
+def test_every_default_of_a_project_is_shown_harmless(tmp_path):
+    for values in (*({name: HOSTILE} for name in (*SETTINGS, HOSTILE)), {"link": [HOSTILE]}, {HOSTILE: {HOSTILE: 1}}):
+        (tmp_path / "rotdrift.toml").write_text(tomli_w.dumps(values), encoding="utf-8")
+        for words in (["config"], ["config", "link"], ["capture"], ["baseline"], ["report", "x", "--out", "y.zip"]):
+            run(*words, cwd=tmp_path)
+    (tmp_path / "rotdrift.toml").write_text(f"link = {HOSTILE}", encoding="utf-8")
+    run("capture", cwd=tmp_path)
 
 
 def test_every_column_and_cell_of_a_table_is_shown_harmless(tmp_path):
