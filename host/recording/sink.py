@@ -15,8 +15,8 @@ MAX_KEPT_BYTES = 256 * 2**20
 """Bytes kept in memory while nothing can be written: five hours at 200 Hz. Beyond it, what is lost is reported."""
 RETRY_NS = 1_000_000_000
 SYNC_NS = 500_000_000
-"""How often the system is asked to write what it holds to the disk. A power cut may cost this and how long the disk needs
-for it, together at most a second."""
+"""How often the system is asked to write what it holds to the disk. A power cut may cost this and how long the disk
+needs for it, together at most a second."""
 SYNC_WAIT_S = 0.2
 """How long closing waits for a disk that is still at it, and again for the last bytes."""
 
