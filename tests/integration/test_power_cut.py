@@ -16,6 +16,7 @@ from analysis.scoring.trial import score_series
 from host.recording.load import assemble, load_trial
 from tests.uml.boot import missing
 from tests.uml.cut_disk import PROGRAMS, CutDisk
+from tests.uml.power_cut import LEAST_SYNCS
 
 CAPTURE_S = 3.0
 
@@ -30,7 +31,7 @@ def disk(tmp_path_factory: pytest.TempPathFactory) -> CutDisk:
     if "CHECK" not in disk.printed:
         pytest.skip(f"the user-mode kernel does not run here: {disk.printed.strip().splitlines()[-1:]}")
     assert "CHECK captured 0" in disk.printed, disk.printed[-4000:]
-    assert len(disk.batches) >= 6, "the recording was hardly ever synchronised"
+    assert len(disk.batches) >= LEAST_SYNCS, "what is synchronised reaches the disk"
     return disk
 
 

@@ -16,7 +16,7 @@ from tests.uml.volatile_disk import Batch, batches
 from tests.waiting import HANG_S
 
 DISK_BYTES, JOURNAL_BYTES, LOG_BYTES = 16 << 20, 128 << 20, 16 << 20
-LIMIT_S = 300
+LIMIT_S = 480
 PROGRAMS = ("mkfs.ext4", "e2fsck", "debugfs")
 """Of e2fsprogs: they make the file system, repair it from its own journal, and read a file of it."""
 PATH = {"PATH": "/usr/sbin:/sbin:/usr/bin:/bin"}

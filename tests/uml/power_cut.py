@@ -23,6 +23,7 @@ from tests.uml.volatile_disk import attach, serve
 from tests.waiting import HANG_S, wait_for
 
 CAPTURE_S = float(os.environ.get("POWER_CUT_S", "3"))
+LEAST_SYNCS = 5
 WORK = Path("/dev/shm")
 SYNCED = WORK / "synced"
 """Eight bytes for each sync that the capture was told is done: how long the file was when it asked for it."""
@@ -79,6 +80,7 @@ def main() -> int:
             time.sleep(CAPTURE_S / 4)
             step_wall_clock(by_s)
         time.sleep(CAPTURE_S / 4)
+        wait_for(lambda: size_of(SYNCED) >= 8 * LEAST_SYNCS, "that the recording is synchronised")
         capture.send_signal(signal.SIGINT)  # the end is a moment at which power may fail, too
         code = capture.wait(HANG_S)
     # At once, before the system writes by itself what the program has left in its memory.
