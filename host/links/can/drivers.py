@@ -159,7 +159,8 @@ def open_bus(settings: CanSettings, name: str) -> can.BusABC:
         try:
             _await_adapter(bus, settings)
         except LinkError:
-            bus.shutdown()
+            with contextlib.suppress(can.CanError, OSError):  # an adapter that has gone does not close its channel
+                bus.shutdown()
             raise
     return bus
 

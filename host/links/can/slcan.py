@@ -16,6 +16,8 @@ from typing import Any
 
 from can.interfaces.slcan import slcanBus
 
+from host.links.serial.port import close_port
+
 READ_BYTES = 65536
 KINDS = frozenset(b"tTrRdDbBxzZVvNFCE\r\a")
 """How a line of an adapter starts: frames, answers, and the names and errors that CANables print."""
@@ -37,6 +39,9 @@ class ChunkedSlcanBus(slcanBus):
         try:
             super().__init__(channel, **options)
         except BaseException:
+            port = self.__dict__.get("serialPortOrig")
+            if port is not None:  # open already, but what was sent first has failed
+                close_port(port)
             self._unlock()
             raise
         self._is_open = True
@@ -52,6 +57,7 @@ class ChunkedSlcanBus(slcanBus):
         try:
             super().shutdown()
         finally:
+            close_port(self.serialPortOrig)
             self._unlock()
 
     def _unlock(self) -> None:

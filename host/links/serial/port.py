@@ -23,7 +23,6 @@ from typing import Any
 
 import serial
 
-from host.errors import LinkLostError
 from host.links.serial.errors import translate_io_error, translate_open_error
 from host.links.transport import MAX_CHUNK_BYTES, Chunk, Transport
 from host.links.uri import LinkUri
@@ -71,6 +70,16 @@ def open_transport(uri: LinkUri) -> SerialTransport:
     except DRIVER_ERRORS as error:
         raise translate_open_error(error, uri.target) from error
     return SerialTransport(port, str(uri), has_descriptor)
+
+
+def close_port(port: Any) -> None:  # noqa: ANN401 (pyserial has no class of all its ports)
+    """Close a port of pyserial for good: its own closing leaves the socket open where the peer has gone."""
+    connection = getattr(port, "_socket", None)
+    with contextlib.suppress(*DRIVER_ERRORS):
+        port.close()
+    with contextlib.suppress(OSError):
+        if connection is not None:
+            connection.close()
 
 
 class SerialTransport(Transport):
@@ -129,5 +138,4 @@ class SerialTransport(Transport):
 
     def close(self) -> None:
         """Close the port; a pulled one may fail in this too, which is known already."""
-        with contextlib.suppress(*DRIVER_ERRORS, LinkLostError):
-            self._port.close()
+        close_port(self._port)
