@@ -25,6 +25,8 @@ from firmware_protocol.packets import PacketType
 from firmware_protocol.serial.decoder import encode_command
 from host.links.transport import AnyChunk, Chunk, FrameChunk
 from host.recording.load import RecordedTrial, assemble
+from host.results.parts import losses_per_cycle
+from host.stream.blocks import STEPPED
 from host.stream.session import Session, SessionSettings
 from host.trial.live import Trial
 from tests.can_traffic import answers
@@ -35,6 +37,8 @@ from tests.wire_oracle import NODE, CanSpy, SerialSpy
 
 KINDS = ("serial", "can", "can-fd")
 STEPS_S = (0.002, 0.01, 0.03)
+MOST_PRODUCED = 12_000
+"""In an account of a session: a few seconds at 100 Hz, with a flood in it, and what a wrong count may claim at most."""
 VIEW_NS = 200_000_000
 """Between two looks at the account while the session runs, as a capture's screen has them."""
 RATES = {
@@ -243,13 +247,32 @@ def live(session: MadeSession, view_ns: int = VIEW_NS) -> tuple[Trial, object]:
     return trial, blocks
 
 
-def differences(session: MadeSession, view_ns: int = VIEW_NS) -> list[str]:
-    """Return what differs between the session live and from its recording, a line each."""
+def wrong_with(session: MadeSession, view_ns: int = VIEW_NS) -> list[str]:
+    """Return what is wrong with a session, a line each: what differs live and from its recording, sums, sizes."""
     trial, blocks = live(session, view_ns)
     recorded = assemble(session.chunks, "x", None if session.kind == "serial" else NODE)
-    global LAST, LAST_LIVE
-    LAST, LAST_LIVE = recorded, trial
-    return [*_differing_fields(trial, recorded), *_differing_samples(blocks, recorded)]
+    return [
+        *_differing_fields(trial, recorded),
+        *_differing_samples(blocks, recorded),
+        *_wrong_account(recorded, sum(segment.reason != STEPPED for segment in recorded.segments)),
+    ]
+
+
+def _wrong_account(recorded: RecordedTrial, n_boots: int) -> list[str]:
+    """Return where an account does not add up, or is larger than the object can have made it in this time."""
+    losses, wrong = recorded.losses, []
+    if losses.produced != losses.received + losses.lost + losses.rejected + losses.dropped:
+        wrong.append(f"the sum is wrong: {losses}")
+    if min(losses.lost, losses.rejected, losses.dropped, losses.duplicates, losses.reordered) < 0:
+        wrong.append(f"a part is negative: {losses}")
+    if losses.produced > MOST_PRODUCED * max(n_boots, losses.segments, 1):
+        wrong.append(f"more than any object produces: {losses}")
+    if len(recorded.series):
+        edges = np.linspace(recorded.series.times_s[0], recorded.series.times_s[-1], 5).tolist()
+        for cycle in losses_per_cycle(recorded, edges):
+            if min(cycle.produced, cycle.missing, cycle.rejected, cycle.dropped_by_device) < 0:
+                wrong.append(f"a cycle's part is negative: {cycle}")
+    return wrong
 
 
 def _differing_fields(trial: Trial, recorded: RecordedTrial) -> list[str]:
@@ -259,7 +282,7 @@ def _differing_fields(trial: Trial, recorded: RecordedTrial) -> list[str]:
         "segments": (tuple(assembler.segments), recorded.segments),
         "info": (assembler.info, recorded.info),
         "status": (repr(assembler.status), repr(recorded.status)),
-        "problems": (set(trial.problems), set(recorded.problems)),
+        "problems": ({*trial.problems, *trial.refused}, set(recorded.problems)),
         "reconnects": (trial.reconnects, recorded.reconnects),
         "missing": (tuple(assembler.missing_runs()), recorded.missing),
     }
