@@ -37,6 +37,8 @@ from tests.wire_oracle import NODE, CanSpy, SerialSpy
 
 KINDS = ("serial", "can", "can-fd")
 STEPS_S = (0.002, 0.01, 0.03)
+INFO_RATE = 7
+"""Place of the rate among the fields of INFO."""
 MOST_PRODUCED = 12_000
 """In an account of a session: a few seconds at 100 Hz, with a flood in it, and what a wrong count may claim at most."""
 VIEW_NS = 200_000_000
@@ -121,6 +123,8 @@ class Mutator:
         if packet[0] == PacketType.ORIENTATION:
             places = [0, 1]  # a quaternion that is none is a fault of the emulator
         place = self._rng.choice(places)
+        if packet[0] == PacketType.INFO:
+            places.remove(INFO_RATE)  # one that cannot be has no form on CAN
         if packet[0] == PacketType.STATUS and self._rng.random() < 0.7:
             place = self._rng.choice([0, 2, 3])  # clock, samples produced, samples dropped
         for _ in range(20):
@@ -177,7 +181,11 @@ def made_session(seed: int, cycles: int = 1) -> MadeSession:
     virtual = VirtualObject(chosen, seed)
     link = SerialSpy() if kind == "serial" else CanSpy(kind == "can-fd")
     send = link.send
-    link.send = lambda packets: None if send(mutator.packets(packets)) is None else len(packets)
+
+    def changed(packets: Sequence[bytes]) -> int | None:
+        return None if send(mutator.packets(packets)) is None else len(packets)
+
+    link.send = changed
     if kind != "serial":
         put = link._put
         link._put = lambda frames: put(mutator.frames(frames))

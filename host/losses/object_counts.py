@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from firmware_protocol.packets import MAX_RATE_HZ, SEQUENCE_MODULUS, Status
 
-LATE_SAMPLES = 256
+LATE_SAMPLES = 64
 """Samples that may overtake a STATUS on their way."""
 SPARE_SAMPLES = 64
 """Samples that may have been produced beyond what the time explains."""
