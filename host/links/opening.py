@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from operator import methodcaller
 from typing import Generic, TypeVar
 
 from host.errors import LinkError, NoAnswerError
@@ -92,7 +93,7 @@ def open_within(
     LinkError
         It was stopped.
     """
-    opening, end_s = Opening(open_it, Transport.close), time.monotonic() + limit_s
+    opening, end_s = Opening(open_it, methodcaller("close")), time.monotonic() + limit_s
     try:
         while not opening.wait(POLL_S):
             if stop is not None and stop.is_set():

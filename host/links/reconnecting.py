@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from operator import methodcaller
 
 from host.errors import HostError, LinkLostError
 from host.links.opening import OPEN_S, Opening
@@ -136,7 +137,7 @@ class ReconnectingTransport(TransportAround):
             if now_ns < self._next_try_ns:
                 self._sleep(min(timeout_s, (self._next_try_ns - now_ns) / 1e9))
                 return None
-            self._opening, self._opening_ns = Opening(self._reopen, Transport.close), now_ns
+            self._opening, self._opening_ns = Opening(self._reopen, methodcaller("close")), now_ns
         # Drivers may block as they open, so each attempt has a thread: this one goes on to notice a stop.
         if not self._opening.wait(timeout_s):
             if now_ns - min(self._lost_ns + self._give_up_s * 1e9, self._opening_ns + OPEN_S * 1e9) >= 0:

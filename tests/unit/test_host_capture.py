@@ -287,3 +287,49 @@ def answer(link, data):
         if isinstance(command, GetInfo):
             reply += encode_frame(encode_packet(Info(device_id=1, boot_id=2, name="idle")))
         link.deliver(reply)
+
+
+def boots(spacing_s, n=8):
+    """Chunks of an object that is reset again and again: each boot introduces itself and sends a few samples."""
+    chunks = virtual_chunks(scenario("ideal"), duration_s=0.3)[0][2:]  # behind its own INFO
+    start_ns = time.monotonic_ns()
+    for boot in range(n):
+        base_ns = start_ns + round(boot * spacing_s * 1e9)
+        yield Chunk(encode_frame(encode_packet(Info(device_id=1, boot_id=10 + boot))), base_ns)
+        for chunk in chunks:
+            yield Chunk(chunk.data, base_ns + chunk.host_time_ns - chunks[0].host_time_ns + 1)
+
+
+@pytest.mark.parametrize(("spacing_s", "ends"), [(1.0, True), (7.0, True), (8.0, False), (60.0, False)])
+def test_an_object_in_a_boot_loop_ends_the_capture(tmp_path, spacing_s, ends):
+    link = MemoryTransport()
+    for chunk in boots(spacing_s):
+        link.deliver(chunk)
+    if not ends:
+        link.fail(LinkLostError("memory: is gone"))
+    outcome = Bench(tmp_path, CaptureSettings(session=SessionSettings(answer_s=10.0)), link=link).run()
+    assert ("the object was reset 5 times within 30 s" in str(outcome.error)) is ends
+    assert isinstance(outcome.error, LinkError)
+
+
+def test_a_link_that_opens_again_and_again_brings_no_new_time(tmp_path):
+    link = MemoryTransport()
+    chunks, _ = virtual_chunks(scenario("ideal"), duration_s=0.5)
+    now_ns = time.monotonic_ns()
+    for chunk in chunks:
+        link.deliver(Chunk(chunk.data, now_ns + chunk.host_time_ns - chunks[-1].host_time_ns))
+    over = threading.Event()
+
+    def reopen():
+        while not over.wait(0.02):
+            link.deliver(b"")
+
+    thread = threading.Thread(target=reopen, daemon=True)
+    thread.start()
+    settings = CaptureSettings(silence_limit_s=0.3, session=SessionSettings(answer_s=10.0))
+    try:
+        outcome = Bench(tmp_path, settings, link=link).run()
+    finally:
+        over.set()
+        wait_for_thread(thread)
+    assert outcome.reason == "the object fell silent"

@@ -1,5 +1,7 @@
 """A lost link is opened again: with back-off, bounded, and nothing behind it mixes up who is there."""
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ from host.stream.samples import SampleAssembler
 from host.stream.session import Phase, Session, SessionSettings
 from tests.memory_transport import MemoryTransport
 from tests.recorded_trials import scenario, virtual_chunks
-from tests.waiting import wait_for
+from tests.waiting import wait_for, wait_for_event
 
 MS = 1_000_000
 
@@ -27,6 +29,8 @@ class Bench:
     def __init__(self, give_up_s=10.0):
         self.now_ns = 0
         self.there = True
+        self.closes_at_once = False
+        self.blocks = None  # an event: opening waits for it
         self.tries_ns = []
         self.links = []
         self.transport = ReconnectingTransport(self._open, give_up_s, lambda: self.now_ns, self._sleep)
@@ -35,7 +39,11 @@ class Bench:
         self.tries_ns.append(self.now_ns)
         if not self.there:
             raise LinkError("no such port")
+        if self.blocks is not None:
+            wait_for_event(self.blocks, "the opening may go on")
         self.links.append(MemoryTransport())
+        if self.closes_at_once:
+            self.links[-1].fail(LinkLostError("memory: is gone", "plug it in"))
         return self.links[-1]
 
     def _sleep(self, seconds):
@@ -89,6 +97,45 @@ def test_the_back_off_grows_and_is_bounded_and_so_is_the_waiting():
     assert (np.diff(pauses_s[1:]) > -1e-9).all()
     assert pauses_s.max() == pytest.approx(LONGEST_PAUSE_S)
     assert len(bench.tries_ns) < 60
+
+
+def test_a_server_that_accepts_and_closes_has_one_budget_for_all_attempts():
+    bench = Bench(give_up_s=10.0)
+    bench.closes_at_once = True
+    bench.links[0].fail(LinkLostError("memory: is gone", "plug it in"))
+    with pytest.raises(LinkLostError, match="memory: is gone, and did not come back within 10 s"):
+        bench.read(10_000)
+    assert 10.0 <= bench.now_ns / 1e9 < 10.5
+    assert len(bench.tries_ns) < 60, "it is not asked again and again at once"
+    assert all(link.closed for link in bench.links)
+
+
+def test_a_link_over_which_the_object_was_heard_has_all_its_time_again():
+    bench = Bench(give_up_s=10.0)
+    for _ in range(3):
+        bench.pull()
+        bench.read(100)
+        bench.there = True
+        wait_for(lambda: bench.transport.connected, "the link", bench.read)
+        bench.transport.proven()
+        bench.now_ns += 9 * 10**9
+    assert bench.transport.reconnects == 3
+
+
+def test_an_opening_that_blocks_holds_nobody_up():
+    bench = Bench(give_up_s=10.0)
+    bench.pull()
+    bench.there, bench.blocks = True, threading.Event()
+    bench.read(5)
+    wait_for(lambda: len(bench.tries_ns) > 1, "an attempt", bench.read)
+    assert not bench.transport.connected
+    assert bench.read(3) == [None, None, None]
+    bench.now_ns += 11 * 10**9
+    with pytest.raises(LinkLostError, match="did not come back"):
+        bench.read(2)
+    bench.transport.close()
+    bench.blocks.set()  # what opens too late is closed again
+    wait_for(lambda: len(bench.links) > 1 and bench.links[1].closed, "the late link is closed")
 
 
 def test_without_patience_a_lost_link_is_lost():

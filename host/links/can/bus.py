@@ -22,6 +22,7 @@ import contextlib
 import threading
 import time
 from collections import deque
+from operator import methodcaller
 from typing import Any
 
 import can
@@ -221,7 +222,7 @@ class CanTransport(Transport):
         self._heard = False
         with self._lock, contextlib.suppress(*IO_ERRORS):
             self._bus.shutdown()
-        self._opening = Opening(lambda: open_bus(self._settings, self.name), can.BusABC.shutdown)
+        self._opening = Opening(lambda: open_bus(self._settings, self.name), methodcaller("shutdown"))
 
     def _is_open_again(self, opening: Opening[can.BusABC], timeout_s: float) -> bool:
         if not opening.wait(timeout_s):
