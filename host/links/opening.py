@@ -105,4 +105,5 @@ def open_within(
     except BaseException:
         opening.abandon()
         raise
-    return opening.result()
+    opened: Transport = opening.result()
+    return opened
