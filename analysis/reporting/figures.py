@@ -243,7 +243,11 @@ def link_figure(series: OrientationSeries, losses: Losses | None) -> style.Paper
     )
     if losses is not None:
         counts = [(name, getattr(losses, name)) for name in losses.__struct_fields__]
-        counted = [f"{name.replace('_', ' ')} {count}" for name, count in counts if type(count) is int]
+        counted = [
+            f"{name.replace('_', ' ')} {count}"
+            for name, count in counts
+            if type(count) is int and (count or name != "damaged_in_file")  # of damaged recordings only
+        ]
         figure.supxlabel(_wrapped(counted, 92), fontsize=6, color=style.GREY)
     return figure
 

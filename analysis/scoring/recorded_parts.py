@@ -9,7 +9,7 @@ from analysis.scoring.result_parts import Known, Part
 
 
 class Losses(Part, frozen=True, kw_only=True):
-    """The account of all samples; ``produced == received + lost + rejected + dropped_by_device``."""
+    """The account of all samples; ``produced == received + lost + rejected + dropped_by_device + damaged_in_file``."""
 
     produced: int
     """Samples that the object made, by their numbers."""
@@ -33,6 +33,8 @@ class Losses(Part, frozen=True, kw_only=True):
     """Samples that were produced and are not here."""
     share: float
     """Missing samples as a share of those produced, 0-1."""
+    damaged_in_file: int = 0
+    """In records that the recording lacks; absent where there are none."""
 
 
 class CycleLosses(Part, frozen=True, kw_only=True):
@@ -50,6 +52,8 @@ class CycleLosses(Part, frozen=True, kw_only=True):
     """Of these, samples that are here."""
     lost: int
     """Of the missing, those lost on the link."""
+    damaged_in_file: int = 0
+    """Of the missing, those in records that the recording lacks; absent where there are none."""
 
 
 class Quality(Part, frozen=True):

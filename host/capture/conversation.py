@@ -106,7 +106,7 @@ class Conversation:
         """Have the trial decode a chunk, answer the object, and return what the trial found."""
         at_ns, session, trial = chunk.host_time_ns, self._session, self._trial
         self.chunk_ns = at_ns
-        if not chunk.data:  # the link is open again, and who is there now is to be asked before what comes is judged
+        if chunk.reopened:  # the link is open again, and who is there now is to be asked before what comes is judged
             if not self._reopened:  # once only until a sample comes: one that opens again and again has no new time
                 self._quiet_since_ns, self._reopened = at_ns, True
             if session is not None:

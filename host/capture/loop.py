@@ -214,7 +214,7 @@ class Capture:
         self._recording.add_received(chunk)  # first of all: what follows may fail, and it is not lost
         if self._failure is not None:
             return
-        if not chunk.data:
+        if chunk.reopened:
             away_s = (chunk.host_time_ns - self._link.chunk_ns) / 1e9
             self._notes.warn(f"the link was lost and is open again; nothing came for {away_s:.1f} s")
         self._record(self._link.process(chunk), chunk.host_time_ns)

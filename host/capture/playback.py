@@ -14,7 +14,7 @@ from firmware_protocol.packets import TimeReply
 from host.capture.loop import STATE_NS
 from host.capture.operator_desk import OperatorDesk
 from host.capture.snapshot import Snapshots
-from host.links.transport import AnyChunk, LinkEnd, Transport
+from host.links.transport import AnyChunk, GapChunk, LinkEnd, Transport
 from host.recording import format as fmt
 from host.recording.arrivals import RecordedRoundTrips
 from host.recording.reader import RecordingReader
@@ -114,6 +114,9 @@ def play(
                 repeat(action)
             return state()
         if chunk is None:
+            continue
+        if isinstance(chunk, GapChunk):  # which has no time of its own
+            trial.feed(chunk)
             continue
         now_ns = chunk.host_time_ns
         first_ns = now_ns if first_ns is None else first_ns

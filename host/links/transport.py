@@ -30,6 +30,11 @@ class Chunk:
     def __len__(self) -> int:
         return len(self.data)
 
+    @property
+    def reopened(self) -> bool:
+        """Whether it marks that the link was lost and is open again."""
+        return not self.data
+
 
 @dataclass(frozen=True, slots=True)
 class FrameChunk(Chunk):
@@ -47,7 +52,23 @@ class FrameChunk(Chunk):
         return unpack_frames(self.data)
 
 
-AnyChunk: TypeAlias = Chunk | FrameChunk
+@dataclass(frozen=True, slots=True)
+class GapChunk(Chunk):
+    """Marks where records are missing from a recording that is replayed: the file is damaged there, not the link.
+
+    It has no data, and the time of the chunk before.
+    """
+
+    records: int
+    """How many are missing; 0 where that is not known."""
+
+    @property
+    def reopened(self) -> bool:
+        """False: nobody opened a link here."""
+        return False
+
+
+AnyChunk: TypeAlias = Chunk | FrameChunk | GapChunk
 
 
 class LinkEnd(Exception):  # noqa: N818 - not an error: a replay has an end, a live link has not

@@ -1,8 +1,9 @@
-"""The account of every sample: produced = received + lost on the link + rejected + dropped by the device.
+"""The account of every sample: produced = received + lost on the link + rejected + dropped + damaged in the file.
 
 *Produced* counts from the first sample that could have come to the last one known of: samples received, or a STATUS
 that reports how many there were. What is missing between them was *dropped* by the device (by its own counter),
-*rejected* here (a frame arrived in its place with a wrong CRC or impossible values), or *lost* on the way.
+*rejected* here (a frame arrived in its place with a wrong CRC or impossible values), or *lost* on the way; or the
+recording that they are read from lacks the records they were in: *damaged in the file*, which no live link has.
 
 A device reset closes the account of a segment and opens the next; that a segment ends is decided by the assembler
 (:mod:`host.stream.samples`). The sum holds at any moment because only ``produced``, ``received``, ``rejected`` and
@@ -31,7 +32,7 @@ MAX_RUNS_KEPT = 4096
 
 @dataclass(frozen=True, slots=True)
 class LossReport:
-    """An account; ``produced == received + lost + rejected + dropped`` always."""
+    """An account; ``produced == received + lost + rejected + dropped + damaged_in_file`` always."""
 
     produced: int = 0
     received: int = 0
@@ -50,6 +51,8 @@ class LossReport:
     """Accounts: one, and one more for each reset of the device or step of its clock."""
     exact: bool = True
     """Whether the division between lost and dropped is the device's own: False where no STATUS covers a gap."""
+    damaged_in_file: int = 0
+    """In records that the recording lacks: it was damaged after the capture."""
 
     @property
     def missing(self) -> int:
@@ -75,6 +78,7 @@ class _Account:
     reordered: int = 0
     damaged: int = 0  # frames since the last sample
     spare: int = 0  # frames before it that stand for no sample missing there
+    file_gap: bool = False  # the file lacks records behind the largest number received
     counts: ObjectCounts = field(default_factory=ObjectCounts)
     before: FirstCounts = field(default_factory=FirstCounts)  # STATUS before the first sample
 
@@ -86,7 +90,7 @@ class _Account:
     def tail(self) -> MissingRun | None:
         """What is known to be missing behind the last sample."""
         missing = self.known_end - self.last - 1
-        return MissingRun(self.last + 1, missing, self.damaged) if missing > 0 else None
+        return MissingRun(self.last + 1, missing, self.damaged, file_gap=self.file_gap) if missing > 0 else None
 
     @property
     def exact(self) -> bool:
@@ -152,6 +156,15 @@ class LossLedger:
         account = self._account if self._ending is None else self._ending[0]
         account.damaged += n
 
+    def file_gap(self) -> None:
+        """Note that the recording lacks records behind all samples so far: what is missing there is not the link's.
+
+        Right behind a reset it may belong to either account.
+        """
+        self._account.file_gap = True
+        if self._ending is not None:
+            self._ending[0].file_gap = True
+
     def feed(
         self,
         numbers: IntArray,
@@ -197,9 +210,10 @@ class LossLedger:
         return keep
 
     def _counts_on(self, numbers: IntArray) -> bool:
-        """Return whether every sample follows the one before, and no damaged frame waits for the run it explains."""
+        """Return whether every sample follows the one before, and nothing waits for the run that it explains."""
         account, n = self._account, len(numbers)
-        if account.first is None or account.damaged + account.spare or int(numbers[-1]) - account.last != n:
+        waits = account.damaged + account.spare or account.file_gap
+        if account.first is None or waits or int(numbers[-1]) - account.last != n:
             return False
         return bool(numbers[0] > account.last and (n == 1 or (numbers[1:] > numbers[:-1]).all()))
 
@@ -223,8 +237,9 @@ class LossLedger:
                 keep[index] = self._enter(number, hits)
         else:
             for index in np.flatnonzero(missing).tolist():
-                gone = int(missing[index])
-                account.runs.add(MissingRun(int(numbers[index]) - gone, gone, int(damaged[index])))
+                gone, in_file = int(missing[index]), account.file_gap and index == 0
+                account.runs.add(MissingRun(int(numbers[index]) - gone, gone, int(damaged[index]), file_gap=in_file))
+            account.file_gap = False
             account.received += len(numbers)
             account.last = int(numbers[-1])
         self._know_of_last()
@@ -301,12 +316,14 @@ class LossLedger:
         else:
             account.spare = 0
         if missing:
-            account.runs.add(MissingRun(account.last + 1, missing, damaged + spare))
+            account.runs.add(MissingRun(account.last + 1, missing, damaged + spare, file_gap=account.file_gap))
         if number <= account.last:
             if not account.runs.fill(number):
                 account.duplicates += 1
                 return False
             account.reordered += 1
+        else:  # what came late shows nothing of what is missing in front of the next
+            account.file_gap = False
         account.last = max(account.last, number)
         account.received += 1
         return True
@@ -320,13 +337,14 @@ def _total(closed: LossReport, account: _Account) -> LossReport:
     return LossReport(
         produced=closed.produced + account.produced,
         received=closed.received + account.received,
-        lost=closed.lost + account.produced - account.received - missing.rejected - missing.dropped,
+        lost=closed.lost + (account.produced - account.received - missing.missing) + missing.lost,
         rejected=closed.rejected + missing.rejected,
         dropped=closed.dropped + missing.dropped,
         duplicates=closed.duplicates + account.duplicates,
         reordered=closed.reordered + account.reordered,
         segments=closed.segments + 1,
         exact=closed.exact and account.exact,
+        damaged_in_file=closed.damaged_in_file + missing.damaged_in_file,
     )
 
 

@@ -1,7 +1,8 @@
-"""Runs of missing samples, and why each is missing: dropped by the device, arrived damaged, or lost on the link.
+"""Runs of missing samples, and why each is missing: dropped by the device, arrived damaged, or lost.
 
 What the device dropped, its STATUS counts: so many between one STATUS and the next. A damaged frame between two samples
-is one of those missing there. What neither explains was lost.
+is one of those missing there. What neither explains was lost on the link; or, where the recording lacks records in that
+very place, it is damaged in the file.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ class MissingRun:
     """Damaged frames that came in their place; noise may be among them."""
     dropped: int = 0
     """Of the missing, those that the device dropped."""
+    file_gap: bool = False
+    """Whether the recording lacks records in their place."""
 
     @property
     def end(self) -> int:
@@ -41,9 +44,14 @@ class MissingRun:
         return min(self.damaged, self.missing - self.dropped)
 
     @property
+    def damaged_in_file(self) -> int:
+        """Of the missing, those in records that the file lacks; a loss on the link right beside them is among these."""
+        return self.missing - self.dropped - self.rejected if self.file_gap else 0
+
+    @property
     def lost(self) -> int:
         """Of the missing, those lost on the link."""
-        return self.missing - self.dropped - self.rejected
+        return self.missing - self.dropped - self.rejected - self.damaged_in_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +61,12 @@ class MissingTotals:
     missing: int = 0
     rejected: int = 0
     dropped: int = 0
+    damaged_in_file: int = 0
+
+    @property
+    def lost(self) -> int:
+        """What nothing else explains."""
+        return self.missing - self.rejected - self.dropped - self.damaged_in_file
 
 
 class MissingRuns:
@@ -93,7 +107,8 @@ class MissingRuns:
                 return False
             if number < run.first:
                 continue
-            left, right = MissingRun(run.first, number - run.first), MissingRun(number + 1, run.end - number - 1)
+            left = MissingRun(run.first, number - run.first, file_gap=run.file_gap)
+            right = MissingRun(number + 1, run.end - number - 1, file_gap=run.file_gap)
             left.damaged = min(run.damaged, left.missing)
             right.damaged = run.damaged - left.damaged
             left.dropped = min(run.dropped, left.missing)
@@ -155,8 +170,9 @@ def _place_dropped(runs: Sequence[MissingRun], start: int, end: int, dropped: in
     """Share out what the device dropped of the samples from ``start`` up to ``end``; return what finds no room.
 
     Where no damaged frame came first, and long runs before short ones: a full link makes a device drop many in a row.
+    Last where the file lacks records, which explains a run of any length.
     """
-    longest_first = sorted(runs, key=lambda run: run.damaged - run.missing)
+    longest_first = sorted(runs, key=lambda run: (run.file_gap, run.damaged - run.missing))
     for spared in (True, False):
         for run in longest_first:
             within = min(run.end, end) - max(run.first, start)
@@ -172,25 +188,27 @@ def _total(runs: Sequence[MissingRun], start: MissingTotals) -> MissingTotals:
         sum((run.missing for run in runs), start.missing),
         sum((run.rejected for run in runs), start.rejected),
         sum((run.dropped for run in runs), start.dropped),
+        sum((run.damaged_in_file for run in runs), start.damaged_in_file),
     )
 
 
 def missing_between(runs: Sequence[MissingRun], bounds: Sequence[int]) -> Iterator[MissingTotals]:
     """Sum up the runs, in order, between each two of n + 1 ascending sample numbers.
 
-    A run across a bound is thought of as its dropped samples first, then the rejected, then the lost.
+    A run across a bound is thought of as its dropped samples first, then the rejected, then the others.
     """
-    columns = np.array([(run.first, run.missing, run.rejected, run.dropped) for run in runs], dtype=np.int64)
-    first, missing, rejected, dropped = columns.reshape(-1, 4).T
-    sums = np.cumsum(np.vstack([missing, rejected, dropped]), axis=1)
+    rows = [(run.first, run.missing, run.rejected, run.dropped, run.damaged_in_file) for run in runs]
+    first, missing, rejected, dropped, in_file = np.array(rows, dtype=np.int64).reshape(-1, 5).T
+    sums = np.cumsum(np.vstack([missing, rejected, dropped, in_file]), axis=1)
     below = []
     for bound in bounds:
         whole = int(np.searchsorted(first + missing, bound, side="right"))
-        total = sums[:, whole - 1].copy() if whole else np.zeros(3, np.int64)
+        total = sums[:, whole - 1].copy() if whole else np.zeros(4, np.int64)
         if whole < len(first) and first[whole] < bound:
             n = bound - first[whole]
             n_dropped = min(n, dropped[whole])
-            total += (n, min(n - n_dropped, rejected[whole]), n_dropped)
+            n_rejected = min(n - n_dropped, rejected[whole])
+            total += (n, n_rejected, n_dropped, min(n - n_dropped - n_rejected, in_file[whole]))
         below.append(total)
     for before, after in pairwise(below):
         yield MissingTotals(*(after - before).tolist())

@@ -30,9 +30,10 @@ def judge_losses(losses: LossReport, cycles: Sequence[CycleLosses]) -> Quality:
     )
     reasons = []
     if losses.share > LOSS_LIMIT:
+        in_file = f", {losses.damaged_in_file} damaged in the file" if losses.damaged_in_file else ""
         reasons.append(
             f"{100 * losses.share:.1f} % of the samples are missing ({losses.lost} lost on the link, "
-            f"{losses.rejected} damaged, {losses.dropped} dropped by the object): the score is degraded"
+            f"{losses.rejected} damaged, {losses.dropped} dropped by the object{in_file}): the score is degraded"
         )
     if cycles and len(gaps) > GAP_CYCLES_LIMIT * len(cycles):
         reasons.append(

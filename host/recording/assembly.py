@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from firmware_protocol.items import LocatedPackets, StreamItem
 from firmware_protocol.packets import Event, OrientationBatch, Status, TimeReply
-from host.links.transport import AnyChunk, FrameChunk
+from host.links.transport import AnyChunk, FrameChunk, GapChunk
 from host.recording.arrivals import RecordedRoundTrips, SampleArrivals
 from host.recording.bulk.raw_span import RawSpan
 from host.stream.decoding import Link, grouped
@@ -186,7 +186,11 @@ class TrialAssembly:
                 self.events.append(TimedEvent(time_s, event.kind.name, event.value))
 
     def _feed_chunks(self, parts: list[AnyChunk]) -> None:
-        """Feed neighbouring chunks of CAN frames, or the empty one: the link was opened again."""
+        """Feed neighbouring chunks of CAN frames, or an empty one: a link opened again, or records the file lacks."""
+        if isinstance(parts[0], GapChunk):
+            self.link.skip_gap()
+            self.assembler.add_gap()
+            return
         packets = self.link.feed_frames(parts) if parts[0].data else None
         if packets is not None:
             self._feed_frames(parts, packets)

@@ -1,7 +1,8 @@
-"""What of a recording is there, by the format's own checks: numbers of records, statistics, checksum.
+"""What of a recording is there, by the format's own checks: numbers of records, statistics, checksums.
 
 A record that is damaged in its head is skipped without a trace, and the samples in it look as if the link had lost
-them. But the records of a channel are numbered, and a file that was closed states how many there are.
+them. But the records of a channel are numbered, and a file that was closed states how many there are. So it is known
+where records are missing, and the account of samples can tell the file's damage from the link's losses.
 """
 
 from __future__ import annotations
@@ -17,10 +18,52 @@ import numpy.typing as npt
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import DataEnd, Statistics
+from mcap.records import DataEnd, Footer, Statistics
+
+IntArray = npt.NDArray[np.int64]
 
 FARTHEST = 1_000_000
 """A number farther from the one before is damaged itself: nothing of what it leaves out is counted."""
+
+
+class NumberedRecords:
+    """The numbers of one channel's records, in the order of the file."""
+
+    def __init__(self) -> None:
+        self.read = self.missing = self.disordered = 0
+        self._next = 0
+
+    @property
+    def unnumbered(self) -> bool:
+        """Whether all numbers so far are 0, as other tools write them."""
+        return self._next == 1 and self.disordered == self.read - 1
+
+    def add(self, numbers: IntArray) -> list[tuple[int, int]]:
+        """Enter the numbers (n,) of the next records, n > 0.
+
+        Returns
+        -------
+        list of (place, records)
+            In front of which of them the file lacks records, and how many; 0 where the order is broken otherwise.
+        """
+        self.read += len(numbers)
+        expected, self._next = self._next, int(numbers[-1]) + 1
+        if numbers[0] == expected and len(numbers) == numbers[-1] + 1 - expected and (np.diff(numbers) == 1).all():
+            return []
+        ahead = np.diff(numbers, prepend=expected - 1) - 1
+        # A number that jumps, and the next one goes on as if it had not: only the number itself is damaged.
+        lone = np.flatnonzero((ahead[:-1] != 0) & (ahead[:-1] == -ahead[1:]))
+        self.disordered += len(lone)
+        ahead[lone] = ahead[lone + 1] = 0
+        if expected <= 1:  # 0 again and again is not a number
+            n_zeros = int(np.argmax(np.append(numbers, 1) != 0))
+            self.disordered += max(n_zeros - 1 + expected, 0)
+            ahead[:n_zeros] = 0
+        gone = np.where((ahead > 0) & (ahead < FARTHEST), ahead, 0)
+        self.missing += int(gone.sum())
+        self.disordered += int(np.count_nonzero(ahead)) - int(np.count_nonzero(gone))
+        places = np.flatnonzero(ahead)
+        return list(zip(places.tolist(), gone[places].tolist(), strict=True))
 
 
 class Completeness:
@@ -30,41 +73,41 @@ class Completeness:
         self.ended = False
         """Whether the end of the data has been met."""
         self._crc = self._stated_crc = 0
-        self._read: Counter[int] = Counter()
-        self._next: dict[int, int] = {}
-        self._missing: Counter[int] = Counter()
-        self._disordered: Counter[int] = Counter()
+        self._summary_crc = self._stated_summary_crc = 0
+        self._channels: dict[int, NumberedRecords] = {}
+        self._earlier: Counter[str] = Counter()
         self._stated: Mapping[int, int] | None = None
         self._strange = self._undescribed = self._behind = 0
 
     def add_bytes(self, data: memoryview | bytes) -> None:
-        """Enter the next bytes of the file, for the checksum over all in front of the end of the data."""
-        if not self.ended:
+        """Enter the next bytes of the file, up to the last checksum in it: of the data, then of the summary."""
+        if self.ended:
+            self._summary_crc = zlib.crc32(data, self._summary_crc)
+        else:
             self._crc = zlib.crc32(data, self._crc)
 
-    def add_messages(self, channel: int, numbers: npt.NDArray[np.int64]) -> None:
-        """Enter messages of a channel that is read; ``numbers`` (n,) are those in their records, n > 0."""
-        self._read[channel] += len(numbers)
+    def add_messages(self, channel: int, numbers: IntArray) -> list[tuple[int, int]]:
+        """Enter messages of a channel that is read; returns as :meth:`NumberedRecords.add`."""
         self._behind += len(numbers) if self.ended else 0
-        expected = self._next.get(channel, 0)
-        self._next[channel] = int(numbers[-1]) + 1
-        if numbers[0] == expected and len(numbers) == numbers[-1] + 1 - expected and (np.diff(numbers) == 1).all():
-            return
-        ahead = np.diff(numbers, prepend=expected - 1) - 1
-        self._missing[channel] += int(ahead[(ahead > 0) & (ahead < FARTHEST)].sum())
-        self._disordered[channel] += int(np.count_nonzero((ahead < 0) | (ahead >= FARTHEST)))
+        return self._channels.setdefault(channel, NumberedRecords()).add(numbers)
 
     def add_undescribed(self, n: int) -> None:
         """Enter messages on channels that the file has not described."""
         self._undescribed += n
+
+    def add_missing_before(self, topic: str, records: int) -> None:
+        """Enter records that were missing from the file that this one was recovered from."""
+        self._earlier[topic] += records
 
     def add_other(self, kind: int, body: memoryview) -> None:
         """Enter a record that is no message."""
         if not 0 < kind <= Opcode.DATA_END:
             self._strange += 1
         elif kind == Opcode.DATA_END:
-            self.ended = True
+            self.ended, self._summary_crc = True, 0
             self._stated_crc = DataEnd.read(ReadDataStream(io.BytesIO(body))).data_section_crc
+        elif kind == Opcode.FOOTER:
+            self._stated_summary_crc = Footer.read(ReadDataStream(io.BytesIO(body))).summary_crc
         elif kind == Opcode.STATISTICS and self.ended:
             try:
                 self._stated = Statistics.read(ReadDataStream(io.BytesIO(body))).channel_message_counts
@@ -75,6 +118,10 @@ class Completeness:
         """Return whether the bytes in front of the end of the data are those that were written, where that is known."""
         return self._stated_crc in {0, self._crc}
 
+    def summary_fits(self) -> bool:
+        """Return whether the bytes behind it, with what the file states about itself, are those written."""
+        return not self.ended or self._stated_summary_crc in {0, self._summary_crc}
+
     def sentences(self, topics: Mapping[int, str]) -> list[str]:
         """Return what does not add up; ``topics`` are the names of the channels that were read."""
         found = []
@@ -84,21 +131,33 @@ class Completeness:
             found.append(f"{self._undescribed} messages are on channels that the file does not describe")
         if self._behind:
             found.append(f"{self._behind} messages stand behind the end of the data: damaged in the file")
+        if not self.summary_fits():
+            found.append("the summary of the file is damaged: how many records it states is not relied on")
+            self._stated = None
         for channel, topic in topics.items():
             found += self._of_channel(channel, topic)
+        for topic, n in self._earlier.items():
+            if topic in topics.values():
+                found.append(f"{_records(n, topic)} missing from the file that this one was recovered from: {WHOSE}")
         return found
 
     def _of_channel(self, channel: int, topic: str) -> list[str]:
-        read, missing, disordered = self._read[channel], self._missing[channel], self._disordered[channel]
+        records = self._channels.get(channel, NumberedRecords())
+        read, missing, disordered = records.read, records.missing, records.disordered
         stated = read + missing if self._stated is None else self._stated.get(channel, 0)
-        if disordered == read - 1 and self._next.get(channel) == 1:  # all are 0: another tool does not number them
+        if records.unnumbered:
             missing = disordered = 0
         if missing and stated != read:
-            what = f"1 record of {topic} is" if missing == 1 else f"{missing} records of {topic} are"
-            why = "damaged there, not lost on the link, where the losses count what it held"
-            return [f"{what} missing from the file: {why}"]
+            return [f"{_records(missing, topic)} missing from the file: {WHOSE}"]
         if stated != read and self._stated is not None:
             return [f"the file states {stated} records of {topic} and holds {read}: damaged in the file"]
         if missing or disordered:
             return [f"records of {topic} stand in the file twice or out of order: damaged in the file"]
         return []
+
+
+WHOSE = "damaged there, not lost on the link"
+
+
+def _records(n: int, topic: str) -> str:
+    return f"1 record of {topic} is" if n == 1 else f"{n} records of {topic} are"

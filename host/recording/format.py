@@ -31,6 +31,9 @@ PROFILE = "ros2"
 METADATA_NAME = "rotdrift"
 """Name of the metadata record by which a file is one of ours."""
 
+MISSING_NAME = "rotdrift.missing"
+"""Name of a metadata record that stands where a recovered recording lacks records: topic, how many, CRC-32."""
+
 RECEIVED = "/raw/received"
 SENT = "/raw/sent"
 ORIENTATION = "/object/orientation"

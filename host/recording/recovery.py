@@ -9,12 +9,14 @@ out, what comes after it is found all the same. Whatever the bytes claim, the se
 from __future__ import annotations
 
 import contextlib
+import heapq
 import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from itertools import chain
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,8 @@ from host.links.transport import MAX_CHUNK_BYTES, AnyChunk
 from host.recording import format as fmt
 from host.recording.bulk.span_checksums import span_checksums
 from host.recording.cdr import CDR_LITTLE_ENDIAN, RosMessageType
-from host.recording.reader import RecordingHeader, parse_header
+from host.recording.completeness import FARTHEST
+from host.recording.reader import RecordingHeader, parse_header, parse_missing
 from host.recording.views import add_views
 from host.recording.writer import RecordingWriter
 from host.trial.live import Trial
@@ -86,7 +89,12 @@ def recover(source: Path, target: Path) -> Recovery:
         Nothing can be found, or the new file cannot be written.
     """
     header, messages = salvage(source)
-    head, first = header, next(messages, None)
+    leading = list[SalvagedMessage]()
+    for message in messages:
+        leading.append(message)
+        if not message.missing:
+            break
+    head, first = header, next((message for message in leading if not message.missing), None)
     if head is None and first is not None:  # the date from the first whole record
         head = RecordingHeader("", "", first.time_ns, 0 if first.chunk is None else first.chunk.host_time_ns)
     if head is None:
@@ -96,7 +104,7 @@ def recover(source: Path, target: Path) -> Recovery:
     copier = _Copier(writer, head)
     try:
         # A capture killed before its first flush leaves a header and nothing else: that is a recording too.
-        for message in chain([] if first is None else [first], messages):
+        for message in chain(leading, messages):
             copier.copy(message)
         found = copier.finish(header_found=header is not None)
         writer.add_note("recovered", f"from {source.name}: {'; '.join(found.sentences())}", copier.last_ns)
@@ -119,6 +127,9 @@ class _Copier:
         self.last_ns = head.monotonic_ns
 
     def copy(self, message: SalvagedMessage) -> None:
+        if message.missing:
+            self._note_missing(message.topic, message.missing)
+            return
         self._count(message)
         chunk = message.chunk
         if chunk is None:
@@ -137,11 +148,17 @@ class _Copier:
         self._counts[message.topic] += 1
         expected = self._next.get(message.topic, 0)
         gone = message.sequence - expected
-        if 0 <= gone < 1_000_000:
-            self._missing[message.topic] += gone
+        if 0 <= gone < FARTHEST:
+            if gone:
+                self._note_missing(message.topic, gone)
             self._next[message.topic] = message.sequence + 1
         else:
             self._next[message.topic] = expected + 1
+
+    def _note_missing(self, topic: str, records: int) -> None:
+        """Count missing records, and record them in their place, so that nobody takes them for a loss on the link."""
+        self._missing[topic] += records
+        self._writer.add_missing(topic, records)
 
     def finish(self, *, header_found: bool) -> Recovery:
         """Copy what the decoder still holds; return what was found."""
@@ -167,6 +184,10 @@ MAX_CHECKED_BYTES = 2**16
 """Nor is an action or a note, whose texts are bounded."""
 SEARCH_BLOCK_BYTES = 2**20
 """Searched at a time. What a block claims reaches behind it by the longest message: an eighth is checksummed twice."""
+MAX_MISSING_BYTES = 256
+"""Of a metadata record on missing records: name, topic, number, CRC."""
+COUNTED = (fmt.RECEIVED, fmt.SENT, fmt.ACTION, fmt.NOTE)
+"""Topics whose records are copied."""
 MAX_HEADER_TRIES = 64
 """Reading a description costs more per byte than anything else; a recording has one, and at most a few copies."""
 _MESSAGE = struct.Struct("<BQHIQQ")  # kind, length, channel, sequence, log time, publish time
@@ -188,6 +209,8 @@ class SalvagedMessage:
     """Of a raw message."""
     values: dict[str, Any] = field(default_factory=dict)
     """Of another one."""
+    missing: int = 0
+    """No message, but so many of the topic that the file itself states to be missing here: it was recovered before."""
 
 
 def salvage(path: Path) -> tuple[RecordingHeader | None, Iterator[SalvagedMessage]]:
@@ -222,8 +245,25 @@ def _find_header(data: bytes) -> RecordingHeader | None:
     return None
 
 
+def _find_missing(data: bytes) -> Iterator[tuple[int, SalvagedMessage]]:
+    """Yield where the file states that records are missing, with what."""
+    name = struct.pack("<I", len(fmt.MISSING_NAME)) + fmt.MISSING_NAME.encode()
+    at = data.find(name)
+    while at >= 0:
+        missing = parse_missing(data[at : at + MAX_MISSING_BYTES])
+        if missing is not None and missing[0] in COUNTED and 0 < missing[1] < FARTHEST:
+            yield at, SalvagedMessage(missing[0], 0, 0, missing=missing[1])
+        at = data.find(name, at + 1)
+
+
 def _find_messages(data: bytes) -> Iterator[SalvagedMessage]:
-    """Search block by block for what claims to be a message.
+    """Return the whole messages, and what the file states to be missing, in the order of the file."""
+    located = heapq.merge(_locate_messages(data), _find_missing(data), key=itemgetter(0))
+    return map(itemgetter(1), located)
+
+
+def _locate_messages(data: bytes) -> Iterator[tuple[int, SalvagedMessage]]:
+    """Search block by block for what claims to be a message; yield it with its place.
 
     A CRC that fits proves where a message ends: claims within it are its data, and it is read once or never.
     """
@@ -241,7 +281,7 @@ def _find_messages(data: bytes) -> Iterator[SalvagedMessage]:
                 done = base + end
                 message = _message_at(data, base + at, done, topic)
                 if message is not None:
-                    yield message
+                    yield base + at, message
 
 
 def _numbers(block: memoryview, dtype: str) -> npt.NDArray[np.unsignedinteger]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from host.errors import UsageError
-from host.links.transport import AnyChunk, LinkEnd, Transport
+from host.links.transport import AnyChunk, GapChunk, LinkEnd, Transport
 from host.links.uri import LinkUri
 from host.recording.reader import RecordingReader
 
@@ -57,7 +57,7 @@ class ReplayTransport(Transport):
     ) -> None:
         self.name = f"replay:{path}"
         self.recording = RecordingReader(path)
-        self._chunks = self.recording.chunks()
+        self._chunks = self.recording.delivered()
         self._speed = speed
         self._now_ns = now_ns
         self._sleep = sleep
@@ -70,7 +70,7 @@ class ReplayTransport(Transport):
             self._next = next(self._chunks, None)
             if self._next is None:
                 raise LinkEnd
-        if self._speed > 0:
+        if self._speed > 0 and not isinstance(self._next, GapChunk):  # which has no time of its own
             now_ns = self._now_ns()
             if self._anchor is None:
                 self._anchor = (now_ns, self._next.host_time_ns)

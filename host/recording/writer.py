@@ -20,7 +20,7 @@ import numpy.typing as npt
 from mcap.writer import CompressionType, IndexType, Writer
 
 from firmware_protocol.packets import Event, Info, Status
-from host.links.transport import AnyChunk, Chunk
+from host.links.transport import AnyChunk, Chunk, GapChunk
 from host.recording import format as fmt
 from host.recording.sink import RecordingSink
 from host.text import plain
@@ -123,7 +123,15 @@ class RecordingWriter:
 
     def add_received(self, chunk: AnyChunk) -> None:
         """Record what the link delivered, before anything else is done with it."""
+        if isinstance(chunk, GapChunk):
+            self.add_missing(fmt.RECEIVED, chunk.records)
+            return
         self._add(fmt.RECEIVED, fmt.encode_raw(chunk), chunk.host_time_ns)
+
+    def add_missing(self, topic: str, records: int) -> None:
+        """Record that this recording lacks records of a topic here: the one that it is made from is damaged."""
+        values = {"topic": topic, "records": str(records)}
+        self._writer.add_metadata(fmt.MISSING_NAME, values | {"crc32": fmt.metadata_crc(values)})
 
     def add_sent(self, data: bytes, host_time_ns: int) -> None:
         """Record what the host sent."""

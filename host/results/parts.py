@@ -41,6 +41,7 @@ def losses_of(report: LossReport) -> Losses:
         dropped_by_device=report.dropped,
         missing=report.missing,
         share=round(report.share, 9),
+        damaged_in_file=report.damaged_in_file,
     )
 
 
@@ -61,7 +62,8 @@ def losses_per_cycle(trial: RecordedTrial, endpoint_times_s: FloatArray) -> tupl
             rejected=gone.rejected,
             dropped_by_device=gone.dropped,
             received=after - before - gone.missing,
-            lost=gone.missing - gone.rejected - gone.dropped,
+            lost=gone.lost,
+            damaged_in_file=gone.damaged_in_file,
         )
         for (before, after), gone in zip(pairwise(bounds), missing_between(trial.missing, bounds), strict=True)
     )

@@ -175,9 +175,10 @@ def _published(published: PublishedDrift) -> str:
 def _losses(losses: Losses) -> str:
     if not losses.missing:
         return f"none of {losses.produced} samples"
+    in_file = f", {losses.damaged_in_file} damaged in the file" if losses.damaged_in_file else ""
     return (
-        f"{losses.missing} of {losses.produced} samples ({100 * losses.share:.2f} %): "
-        f"{losses.lost} on the link, {losses.rejected} damaged, {losses.dropped_by_device} dropped by the object"
+        f"{losses.missing} of {losses.produced} samples ({100 * losses.share:.2f} %): {losses.lost} on the link, "
+        f"{losses.rejected} damaged, {losses.dropped_by_device} dropped by the object{in_file}"
     )
 
 

@@ -1,4 +1,4 @@
-"""Where damaged frames came: each is counted among the samples before and behind it, so the ledger can place it."""
+"""Where damaged frames came, and where the file lacks records: among which samples, so that the ledger can place it."""
 
 from __future__ import annotations
 
@@ -23,10 +23,24 @@ class DamagePlaces:
         self.n_placed = 0
         """Of those that came, samples that are not held back any more."""
         self._damaged: deque[int] = deque()  # after how many samples that came
+        self._gaps: deque[int] = deque()  # of the file: the same
 
     def add(self, places: Iterable[int]) -> None:
         """Enter damaged frames by how many samples came before each, ascending."""
         self._damaged.extend(places)
+
+    def add_gap(self) -> None:
+        """Note that the file lacks records behind all that came so far."""
+        if not self._gaps or self._gaps[-1] != self.n_came:
+            self._gaps.append(self.n_came)
+
+    def take_gap(self) -> bool:
+        """Return whether the file lacks records in front of the next sample that is placed, and forget these."""
+        found = False
+        while self._gaps and self._gaps[0] <= self.n_placed:
+            self._gaps.popleft()
+            found = True
+        return found
 
     def pass_over(self) -> None:
         """Count all that came as placed: what is not held back any more was placed or left out."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from firmware_protocol.items import LocatedPackets, StreamCounters, StreamItem
 from firmware_protocol.serial.decoder import StreamDecoder
-from host.links.transport import AnyChunk, FrameChunk
+from host.links.transport import AnyChunk, FrameChunk, GapChunk
 
 if TYPE_CHECKING:
     from firmware_protocol.can.decoder import CanStreamDecoder
@@ -52,7 +52,10 @@ class Link:
 
         An empty chunk (the link was opened again) ends the frame under way; what is returned came before the cut.
         """
-        if not chunk.data:
+        if isinstance(chunk, GapChunk):
+            self.skip_gap()
+            return []
+        if chunk.reopened:
             held = self.flush()
             self._decoder.restart()
             return held
@@ -91,6 +94,14 @@ class Link:
         if packets is not None:
             self.n_bytes += len(data)
         return packets
+
+    def skip_gap(self) -> None:
+        """Note that a recording lacks records here: half a frame before and half a frame behind are not one damaged.
+
+        CAN frames are whole in their records, and a bus that lost some is what their decoder is made for.
+        """
+        if isinstance(self._decoder, StreamDecoder):
+            self._decoder.restart()
 
     def take_damage(self) -> list[int]:
         """Return after how many samples, of all delivered, damaged frames came since the last call; ascending."""

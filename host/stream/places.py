@@ -50,8 +50,13 @@ class SamplePlaces:
         return self.next_index - 1 - self.index_shift
 
     def enter_damage(self) -> None:
-        """Enter the damaged frames behind the last sample into the ledger."""
+        """Enter what came behind the last sample into the ledger: damaged frames, and a gap of the file."""
         self.ledger.damaged(self.damage.take_behind())
+        self._enter_gap()
+
+    def _enter_gap(self) -> None:
+        if self.damage.take_gap():
+            self.ledger.file_gap()
 
     def start_segment(self) -> None:
         """Let the next sample open an account whose numbers cannot be compared with those before."""
@@ -141,6 +146,7 @@ class SamplePlaces:
                     int(host_time_ns[stop - 1]),
                 )
                 part = numbers[start:stop]
+                self._enter_gap()
                 keep[start:stop] = self.ledger.feed(part, self.damage.place(stop - start), among)
                 for inform in self.on_samples:
                     inform(samples)

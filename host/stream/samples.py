@@ -129,6 +129,10 @@ class SampleAssembler:
         """Note after how many samples, of all ever fed, damaged frames came (ascending), before those are fed."""
         self._damage.add(places)
 
+    def add_gap(self) -> None:
+        """Note that the recording these packets are from lacks records here, behind all that were fed so far."""
+        self._damage.add_gap()
+
     def feed_run(
         self, batch: OrientationBatch, host_time_ns: IntArray, statuses: Sequence[TimedStatus] = ()
     ) -> SampleBlock | None:

@@ -21,7 +21,7 @@ from firmware_protocol.items import StreamItem
 from firmware_protocol.packets import OrientationBatch
 from host.clock.estimate import ClockEstimate
 from host.clock.estimator import ClockEstimator
-from host.links.transport import AnyChunk
+from host.links.transport import AnyChunk, GapChunk
 from host.stream.blocks import SampleBlock, UnwrappedSamples
 from host.stream.decoding import Link
 from host.stream.rate import RateMeter
@@ -136,7 +136,9 @@ class Trial:
         if chunk.data:
             self._heard_ns = chunk.host_time_ns
         update = self._feed_items(self.link.feed(chunk))
-        if not chunk.data:  # what was still held came before the cut
+        if isinstance(chunk, GapChunk):
+            self.assembler.add_gap()
+        elif chunk.reopened:  # what was still held came before the cut
             self.reconnects += 1
             self.assembler.reopened()
             self._clock.ask(ClockEstimator.new_segment, None)

@@ -44,8 +44,9 @@ def one_sentence(error: Exception) -> None:
 
 def check_ledger(report: LossReport) -> None:
     """Demand that every sample is accounted for."""
-    assert report.produced == report.received + report.lost + report.rejected + report.dropped
-    parts = (report.received, report.lost, report.rejected, report.dropped, report.duplicates, report.reordered)
+    kinds = (report.received, report.lost, report.rejected, report.dropped, report.damaged_in_file)
+    assert report.produced == sum(kinds)
+    parts = (*kinds, report.duplicates, report.reordered)
     assert min(parts) >= 0, report
 
 

@@ -1,5 +1,6 @@
 """Any damage to the recording of a trial: the same result, or a sentence on what is wrong with the file."""
 
+import random
 import struct
 from typing import NamedTuple
 
@@ -38,6 +39,7 @@ def whole(tmp_path_factory):
     """A recording of a trial with commands, notes, a view and a window: its bytes, its records, its trial."""
     path = tmp_path_factory.mktemp("whole") / "trial.mcap"
     chunks, _ = virtual_chunks(scenario("ideal", motion={"cycles": 5, "period_s": 1.0}), chunk_s=0.02)
+    chunks = list(within_frames(chunks))
     writer = RecordingWriter(path, "serial:/dev/x", WALL_NS, MONOTONIC_NS, {"cycles": 5})
     for number, chunk in enumerate(chunks):
         writer.add_received(chunk)
@@ -50,6 +52,15 @@ def whole(tmp_path_factory):
     writer.close()
     data = path.read_bytes()
     return Whole(data, records_of(data), load_trial(path))
+
+
+def within_frames(chunks):
+    """The same bytes, most reads ending in the middle of a frame, as a busy host reads them."""
+    moved, rng = b"", random.Random(4)
+    for number, chunk in enumerate(chunks):
+        data = moved + chunk.data
+        moved = data[len(data) - rng.randrange(20) :] if number < len(chunks) - 1 else b""
+        yield Chunk(data[: len(data) - len(moved)], chunk.host_time_ns)
 
 
 def records_of(data):
@@ -176,6 +187,9 @@ def test_any_damage_gives_the_same_trial_or_a_sentence(whole, tmp_path_factory, 
     except FileError:  # nothing of it can be read, and that is said
         return
     assert trial.damage or same(trial, expected)
+    losses = trial.losses  # the link lost nothing, so whatever is missing is the file's
+    assert (losses.lost, losses.rejected, losses.dropped) == (0, 0, 0)
+    assert losses.produced == losses.received + losses.damaged_in_file
     if not trial.damage:
         assert result_text(score_trial(trial)) == result_text(score_trial(expected))
 

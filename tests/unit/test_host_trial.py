@@ -154,6 +154,7 @@ def test_each_cycle_has_an_account():
         "dropped_by_device": 0,
         "received": 39,
         "lost": before.missing,
+        "damaged_in_file": 0,
     }
     assert losses_per_cycle(cut, [0.5]) == ()
 

@@ -151,6 +151,8 @@ def _losses(state: TrialState) -> list[Part]:
     parts: list[Part] = [(f"none of {losses.produced} samples", "good")]
     if losses.missing:
         causes = f"{losses.lost} lost, {losses.rejected} damaged, {losses.dropped} dropped"
+        if losses.damaged_in_file:  # of a replay; first, where a narrow terminal still shows it
+            causes = f"{losses.damaged_in_file} damaged in the file, {causes}"
         meaning = "bad" if losses.share > LOSS_LIMIT else "doubtful"
         parts = [(f"{100 * losses.share:.2f} % missing: {causes}", meaning)]
     if not state.link.name.startswith("can:"):  # a CAN controller checks frames by itself and reports none
