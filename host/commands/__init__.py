@@ -24,6 +24,7 @@ COMMANDS = (
     "compare",
     "convert",
     "recover",
+    "check",
     "doctor",
     "config",
     "completion",

@@ -26,12 +26,49 @@ FARTHEST = 1_000_000
 """A number farther from the one before is damaged itself: nothing of what it leaves out is counted."""
 
 
-class NumberedRecords:
-    """The numbers of one channel's records, in the order of the file."""
+class SectionChecksums:
+    """The checksums over the two parts of a file: the data, and behind it the summary with the footer."""
 
     def __init__(self) -> None:
+        self.ended = False
+        """Whether the end of the data has been met."""
+        self.stated_data = self.stated_summary = 0
+        """As stated in the file; 0 where it states none."""
+        self._data = self._summary = 0
+
+    def add_bytes(self, data: memoryview | bytes) -> None:
+        """Enter the next bytes of the file, up to the last checksum in it: of the data, then of the summary."""
+        if self.ended:
+            self._summary = zlib.crc32(data, self._summary)
+        else:
+            self._data = zlib.crc32(data, self._data)
+
+    def add_data_end(self, body: memoryview) -> None:
+        """Enter the record that ends the data."""
+        self.ended, self._summary = True, 0
+        self.stated_data = DataEnd.read(ReadDataStream(io.BytesIO(body))).data_section_crc
+
+    def add_footer(self, body: memoryview) -> None:
+        """Enter the record that ends the file."""
+        self.stated_summary = Footer.read(ReadDataStream(io.BytesIO(body))).summary_crc
+
+    @property
+    def data_fits(self) -> bool:
+        """Whether the bytes in front of the end of the data are those that were written, where that is known."""
+        return self.stated_data in {0, self._data}
+
+    @property
+    def summary_fits(self) -> bool:
+        """Whether the bytes behind it, with what the file states about itself, are those written."""
+        return not self.ended or self.stated_summary in {0, self._summary}
+
+
+class NumberedRecords:
+    """The numbers of one channel's records, in the order of the file; the first is 0 unless stated otherwise."""
+
+    def __init__(self, first: int = 0) -> None:
         self.read = self.missing = self.disordered = 0
-        self._next = 0
+        self._next = first
 
     @property
     def unnumbered(self) -> bool:
@@ -70,25 +107,15 @@ class Completeness:
     """Compares the records of a file, as they are read in order, with what the file states about them."""
 
     def __init__(self) -> None:
-        self.ended = False
-        """Whether the end of the data has been met."""
-        self._crc = self._stated_crc = 0
-        self._summary_crc = self._stated_summary_crc = 0
+        self.checksums = SectionChecksums()
         self._channels: dict[int, NumberedRecords] = {}
         self._earlier: Counter[str] = Counter()
         self._stated: Mapping[int, int] | None = None
         self._strange = self._undescribed = self._behind = 0
 
-    def add_bytes(self, data: memoryview | bytes) -> None:
-        """Enter the next bytes of the file, up to the last checksum in it: of the data, then of the summary."""
-        if self.ended:
-            self._summary_crc = zlib.crc32(data, self._summary_crc)
-        else:
-            self._crc = zlib.crc32(data, self._crc)
-
     def add_messages(self, channel: int, numbers: IntArray) -> list[tuple[int, int]]:
         """Enter messages of a channel that is read; returns as :meth:`NumberedRecords.add`."""
-        self._behind += len(numbers) if self.ended else 0
+        self._behind += len(numbers) if self.checksums.ended else 0
         return self._channels.setdefault(channel, NumberedRecords()).add(numbers)
 
     def add_undescribed(self, n: int) -> None:
@@ -104,23 +131,14 @@ class Completeness:
         if not 0 < kind <= Opcode.DATA_END:
             self._strange += 1
         elif kind == Opcode.DATA_END:
-            self.ended, self._summary_crc = True, 0
-            self._stated_crc = DataEnd.read(ReadDataStream(io.BytesIO(body))).data_section_crc
+            self.checksums.add_data_end(body)
         elif kind == Opcode.FOOTER:
-            self._stated_summary_crc = Footer.read(ReadDataStream(io.BytesIO(body))).summary_crc
-        elif kind == Opcode.STATISTICS and self.ended:
+            self.checksums.add_footer(body)
+        elif kind == Opcode.STATISTICS and self.checksums.ended:
             try:
                 self._stated = Statistics.read(ReadDataStream(io.BytesIO(body))).channel_message_counts
             except (McapError, struct.error, EOFError):
                 self._stated = None
-
-    def checksum_fits(self) -> bool:
-        """Return whether the bytes in front of the end of the data are those that were written, where that is known."""
-        return self._stated_crc in {0, self._crc}
-
-    def summary_fits(self) -> bool:
-        """Return whether the bytes behind it, with what the file states about itself, are those written."""
-        return not self.ended or self._stated_summary_crc in {0, self._summary_crc}
 
     def sentences(self, topics: Mapping[int, str]) -> list[str]:
         """Return what does not add up; ``topics`` are the names of the channels that were read."""
@@ -131,7 +149,7 @@ class Completeness:
             found.append(f"{self._undescribed} messages are on channels that the file does not describe")
         if self._behind:
             found.append(f"{self._behind} messages stand behind the end of the data: damaged in the file")
-        if not self.summary_fits():
+        if not self.checksums.summary_fits:
             found.append("the summary of the file is damaged: how many records it states is not relied on")
             self._stated = None
         for channel, topic in topics.items():

@@ -172,6 +172,9 @@ def metadata_crc(values: Mapping[str, str]) -> str:
 class DamagedMessageError(ValueError):
     """The bytes of a raw message are not what was written: wrong length or CRC."""
 
+    at: int | None = None
+    """Where in its block it starts, behind the head of its record; None where that is not known."""
+
 
 def encode_raw(chunk: AnyChunk, sent: bool = False) -> bytes:
     """Make the CDR bytes of one raw chunk, received or sent."""

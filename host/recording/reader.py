@@ -216,7 +216,7 @@ class RecordingReader:
             self.damage.append("the recording's own description is damaged: link, date and settings are not known")
         found = Completeness()
         with self._open() as file:
-            for kind, body, run in self._records(file, found.add_bytes):
+            for kind, body, run in self._records(file, found.checksums.add_bytes):
                 if run is not None:
                     found.add_undescribed(run.not_on(self._channels))
                     channels = [channel for channel, name in self._channels.items() if name in topics]
@@ -243,7 +243,7 @@ class RecordingReader:
             which = f"a record of {name} is" if n == 1 else f"{n} records of {name} are"
             self.damage.append(f"{which} damaged ({what}) and left out")
         self.damage += found.sentences({channel: name for channel, name in self._channels.items() if name in topics})
-        if not self.damage and not found.checksum_fits():
+        if not self.damage and not found.checksums.data_fits:
             self.damage.append("the file is not as it was written; what was read from it is whole")
 
     def _chosen_run(self, body: memoryview, run: MessageRun, channels: list[int], found: Completeness) -> _Chosen:

@@ -172,7 +172,7 @@ def faulty(tmp_path_factory):
     return found
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     name=st.sampled_from(NAMES),
     places=st.lists(st.tuples(st.floats(0.02, 0.97), st.integers(1, 12)), min_size=1, max_size=6),

@@ -99,6 +99,7 @@ def raw_spans(
             try:
                 yield fmt.decode_raw(bytes(view[starts[index] + _BODY : ends[index]]))
             except fmt.DamagedMessageError as error:
+                error.at = int(starts[index])
                 yield error
         first = index + 1
 
