@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 
@@ -33,16 +32,17 @@ def run(args: argparse.Namespace) -> int:
     FileError
         It cannot be read.
     """
+    from host.output.lines import write_json, write_lines
     from host.submission.checked_file import check_file
 
     found = check_file(args.file)
     if args.json:
         values = {"file": args.file.name, "sound": all(report.sound for report in found.values())}
         reports = {name: report.to_json() for name, report in found.items()}
-        sys.stdout.write(json.dumps({**values, "recordings": reports}, indent=2, ensure_ascii=False) + "\n")
+        write_json(json.dumps({**values, "recordings": reports}, indent=2, ensure_ascii=False) + "\n")
     else:
         for name, report in found.items():
             if len(found) > 1 or name != args.file.name:
-                sys.stdout.write(f"{name}\n")
-            sys.stdout.writelines(f"{line}\n" for line in report.lines())
+                write_lines([name])
+            write_lines(report.lines())
     return 0 if all(report.sound for report in found.values()) else 1

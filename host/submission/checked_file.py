@@ -11,7 +11,7 @@ from host.errors import FileError, UsageError, unreadable
 from host.links.can.log_kind import can_log_kind
 from host.recording.check.account import CheckReport
 from host.recording.check.mcap_file import check_mcap
-from host.submission.bundle import BundleError, check_manifest, read_bundle
+from host.submission.bundle import MANIFEST, BundleError, check_manifest, read_bundle, read_folder
 from host.text import plain
 
 _ZIP, _ROS1, _SQLITE = b"PK\x03\x04", b"#ROSBAG V", b"SQLite format 3\0"
@@ -39,7 +39,7 @@ def check_file(path: Path) -> dict[str, CheckReport]:
         raise unreadable(path, error) from error
     if is_mcap(head):
         return {path.name: check_mcap(path)}
-    if head.startswith(_ZIP):
+    if head.startswith(_ZIP) or (path / MANIFEST).is_file():
         return _check_archive(path)
     if not head and not path.is_dir():
         raise FileError(f"{path} is empty", "give a recording")
@@ -49,7 +49,7 @@ def check_file(path: Path) -> dict[str, CheckReport]:
 
 def _check_archive(path: Path) -> dict[str, CheckReport]:
     try:
-        files = read_bundle(path)
+        files = read_folder(path) if path.is_dir() else read_bundle(path)
         altered = check_manifest(files)
     except BundleError as error:
         raise FileError(f"{plain(path, 200)}: {error}", "ask for the submission again") from error

@@ -49,6 +49,8 @@ class BuiltSubmission:
     """``submission.json``."""
     notes: tuple[str, ...]
     """For the person: fields filled in, contradictions, formats left out."""
+    damage: tuple[str, ...] = ()
+    """What is wrong with the recordings, each with its name; it is among the warnings of their results too."""
 
 
 def build_submission(
@@ -98,7 +100,12 @@ def build_submission(
     notes = [f"{trial.report.id}: {note}" for trial in trials for note in trial.report.notes]
     if "pyarrow" not in versions:
         notes.append("no samples as parquet: that needs pyarrow (pip install 'rotdrift[parquet]')")
-    return BuiltSubmission(files, submission, tuple(notes))
+    damage = [
+        f"trials/{trial.report.id}/raw/{trial.source.file_name} is damaged: {sentence}"
+        for trial in trials
+        for sentence in trial.damage
+    ]
+    return BuiltSubmission(files, submission, tuple(notes), tuple(damage))
 
 
 def _refuse_twins(sources: Sequence[TrialSource]) -> None:

@@ -36,6 +36,8 @@ class BuiltTrial:
     report: TrialReport
     files: dict[str, bytes]
     """Its files by name within its folder, without figures."""
+    damage: tuple[str, ...] = ()
+    """What is wrong with its recording; it is among the warnings of the result too."""
 
 
 def build_trial(source: TrialSource, *, parquet: bool) -> BuiltTrial:
@@ -75,7 +77,7 @@ def build_trial(source: TrialSource, *, parquet: bool) -> BuiltTrial:
     files["samples.csv"] = csv_text(scored.series).encode()
     if parquet:
         files["samples.parquet"] = parquet_bytes(scored.series)
-    return BuiltTrial(source, cards, report, files)
+    return BuiltTrial(source, cards, report, files, scored.damage)
 
 
 def trial_entry(trial: BuiltTrial) -> TrialEntry:

@@ -132,6 +132,7 @@ def verify_files(files: Mapping[str, bytes], altered: tuple[str, ...] = (), *, d
             list(sources.values()), title=claimed.title, versions=claimed.made_with, drawings=drawings
         )
         differences += comparison.differences(built.files)
+        notes += tuple(plain(sentence, 400) for sentence in built.damage)  # equal, and of a damaged recording
     except HostError as error:
         differences.append(f"the recordings cannot be scored again: {plain(error, 400)}")
     return Verification(

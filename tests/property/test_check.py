@@ -4,6 +4,7 @@ import io
 import json
 import os
 import struct
+import zipfile
 from functools import cache
 
 import pytest
@@ -16,11 +17,12 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 from zstandard import ZstdError
 
-from host.errors import UsageError
+from host.errors import FileError, UsageError
 from host.recording import format as fmt
 from host.recording.check.mcap_file import STILL_WRITTEN_S, check_mcap
 from host.recording.recovery import recover
 from host.recording.writer import RecordingWriter
+from host.submission.bundle import bundle_bytes
 from host.submission.checked_file import check_file
 from tests.command_line import rotdrift_here
 from tests.damaged_files import DAMAGE, another_opcode, hole, records_of, removed, swapped, twice, write_trial
@@ -292,6 +294,27 @@ def test_what_is_not_a_recording_is_named(tmp_path, name, content, what):
     done = rotdrift_here("check", tmp_path / name)
     assert (done.returncode, done.stdout) == (2, "")
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_every_recording_of_a_submission_is_checked(trial, tmp_path):
+    hurt = removed(trial.data, trial.records, 0.5)
+    files = {"trials/a/raw/one.mcap": trial.data, "trials/b/raw/two.mcap": hurt, "trials/b/raw/x.csv": b"t\n1\n"}
+    archive, folder = tmp_path / "submission.zip", tmp_path / "unpacked"
+    archive.write_bytes(bundle_bytes(files))
+    with zipfile.ZipFile(archive) as opened:
+        opened.extractall(folder)
+    for place in (archive, folder):
+        found = check_file(place)
+        assert {name: report.sound for name, report in found.items()} == {
+            "trials/a/raw/one.mcap": True,
+            "trials/b/raw/two.mcap": False,
+        }
+    done = rotdrift_here("check", archive)
+    assert done.returncode == 1
+    assert {"trials/a/raw/one.mcap", "trials/b/raw/two.mcap"} < set(done.stdout.splitlines())
+    (folder / "trials" / "a" / "raw" / "one.mcap").write_bytes(hurt)
+    with pytest.raises(FileError, match="was altered"):
+        check_file(folder)
 
 
 def test_exit_codes_and_json(trial, tmp_path):

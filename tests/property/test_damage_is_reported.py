@@ -1,5 +1,6 @@
 """Any damage to the recording of a trial: the same result, or a sentence on what is wrong with the file."""
 
+import json
 from typing import NamedTuple
 
 import numpy as np
@@ -7,11 +8,16 @@ import pytest
 from hypothesis import given, settings
 
 from analysis.scoring.result import result_text
-from host.errors import FileError
+from host.cards.definitions import parse_cards
+from host.errors import FileError, HostError
 from host.links.transport import Chunk
 from host.recording import format as fmt
 from host.recording.load import RecordedTrial, load_trial
 from host.results.result import score_trial
+from host.submission.bundle import MANIFEST, check_manifest, manifest_text
+from host.submission.contents import build_submission
+from host.submission.source import TrialSource
+from host.submission.verification import verify_files
 from tests.command_line import rotdrift_here
 from tests.damaged_files import DAMAGE, another_opcode, records_of, removed, write_trial
 
@@ -122,6 +128,77 @@ def test_numbers_that_another_tool_left_out_are_no_damage(tmp_path):
         out.finish()
     trial = load_trial(path)
     assert trial.damage == ("the recording's own description is damaged: link, date and settings are not known",)
+
+
+def shown_by(command, path, folder):
+    """What one command makes of a recording: its result as far as it is numbers, and all its words."""
+    out = folder / "out.csv"
+    out.unlink(missing_ok=True)
+    more = ["--json"] if command in {"score", "replay"} else [out]
+    done = rotdrift_here(command, path, *more)
+    words = " ".join((done.stdout + done.stderr).split())
+    if command == "convert":
+        return out.read_bytes() if out.exists() else None, words
+    result = json.loads(done.stdout) if done.stdout else None
+    if result is not None:
+        for key in ("recording", "capture"):  # the file's name
+            result.pop(key, None)
+    return result, words
+
+
+@pytest.fixture(scope="module")
+def shown(whole, tmp_path_factory):
+    """What each command makes of the whole recording, and the submission of it."""
+    folder = tmp_path_factory.mktemp("shown")
+    (folder / "trial.mcap").write_bytes(whole.data)
+    return {name: shown_by(name, folder / "trial.mcap", folder)[0] for name in ("score", "replay", "convert")} | {
+        "report": submission(whole.data)
+    }
+
+
+def submission(data):
+    return build_submission([TrialSource({"trial.mcap": data}, parse_cards(""))], drawings=False)
+
+
+@settings(max_examples=6, deadline=None)
+@given(damage=DAMAGE)
+def test_every_command_gives_the_same_or_reports_what_is_missing(whole, shown, tmp_path_factory, damage):
+    change, *how = damage
+    data = change(whole.data, whole.records, *how)
+    folder = tmp_path_factory.getbasetemp()
+    path = folder / "trial.mcap"
+    path.write_bytes(data)
+    try:
+        sentences = load_trial(path).damage
+    except FileError:
+        sentences = None
+    for command in ("score", "replay", "convert"):
+        result, words = shown_by(command, path, folder)
+        if sentences is None:
+            assert (result, words.startswith("rotdrift: ")) == (None, True)
+        elif not sentences:
+            assert result == shown[command], command
+        elif command == "convert":
+            assert all(sentence in words for sentence in sentences)
+        else:
+            assert set(sentences) <= set(result["warnings"]), command
+    if sentences is None:
+        with pytest.raises(HostError):
+            submission(data)
+        return
+    built = submission(data)
+    found = verify_files({**built.files, MANIFEST: manifest_text(built.files).encode()}, drawings=False)
+    assert found.equal
+    for sentence in sentences:
+        assert any(sentence in warning for warning in built.submission.trials[0].warnings)  # in report and files
+        assert any("is damaged" in note and sentence in note for note in found.notes)
+    if not sentences:
+        without = {name for name in built.files if "/raw/" not in name} - {"submission.json"}
+        assert all(built.files[name] == shown["report"].files[name] for name in without)
+    claimed = {**shown["report"].files, f"trials/{built.submission.trials[0].id}/raw/trial.mcap": data}
+    manifest = manifest_text(shown["report"].files).encode()
+    altered = check_manifest({**claimed, MANIFEST: manifest})  # damaged after it was submitted
+    assert bool(altered) == (data != whole.data)
 
 
 @pytest.mark.parametrize("command", ["score", "replay", "convert"])
