@@ -28,7 +28,7 @@ from host.errors import FileError, unreadable
 from host.links.transport import AnyChunk, GapChunk
 from host.recording import format as fmt
 from host.recording.bulk.raw_span import RawSpan, raw_spans
-from host.recording.bulk.record_runs import EvenRun, MessageRun, on_channels
+from host.recording.bulk.record_runs import EvenRun, MessageRun, by_channel, on_channels
 from host.recording.completeness import Completeness
 from host.recording.walk import FRAME, MESSAGE, READ_BLOCK_BYTES, RecordWalk, chunk_records
 
@@ -221,7 +221,7 @@ class RecordingReader:
                     found.add_undescribed(run.not_on(self._channels))
                     channels = [channel for channel, name in self._channels.items() if name in topics]
                     if channels:
-                        yield self._chosen_run(body, run.on(channels), channels, found)
+                        yield self._chosen_run(body, run.on(channels), found)
                 elif kind == Opcode.METADATA and (missing := parse_missing(bytes(body))) is not None:
                     topic, records = missing
                     found.add_missing_before(topic, records)
@@ -246,12 +246,10 @@ class RecordingReader:
         if not self.damage and not found.checksums.data_fits:
             self.damage.append("the file is not as it was written; what was read from it is whole")
 
-    def _chosen_run(self, body: memoryview, run: MessageRun, channels: list[int], found: Completeness) -> _Chosen:
+    def _chosen_run(self, body: memoryview, run: MessageRun, found: Completeness) -> _Chosen:
         gaps: list[tuple[int, int]] = []
-        for channel in channels:
-            of_channel = run if len(channels) == 1 else run.on([channel])
-            if not len(of_channel.starts):
-                continue
+        for channel, places in by_channel(run.channels) if len(run.starts) else ():
+            of_channel = run.at(places)
             lacking = found.add_messages(channel, of_channel.numbers(body))
             if lacking and self._channels[channel] == fmt.RECEIVED:
                 gaps += [(int(of_channel.starts[place]) + FRAME.size, records) for place, records in lacking]

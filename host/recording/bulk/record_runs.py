@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import struct
 from bisect import bisect_left
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +39,8 @@ MOST_STEPS = 4 * SECTION_BYTES // (HEAD_BYTES + MESSAGE_HEAD_BYTES)
 """Where so many do not reach the next section, these are no messages: the rest is left to the walk record by record."""
 LOOK_BYTES = 256
 """So far into a section a record's start is looked for. Where records are longer, some sections have none: left out."""
+FEW_CHANNELS = 16
+"""Up to so many are compared one by one."""
 _HEAD = struct.Struct("<BQH")
 _MESSAGE = int(Opcode.MESSAGE)  # with the enum, bytes are compared as wide integers
 _HEAD_DTYPE = np.dtype(
@@ -73,8 +75,11 @@ class MessageRun:
 
     def where(self, which: npt.NDArray[np.bool_]) -> MessageRun:
         """Return some of them."""
-        places = np.flatnonzero(which)
-        if len(places) == len(which):
+        return self.at(np.flatnonzero(which))
+
+    def at(self, places: IntArray) -> MessageRun:
+        """Return those at some places, ascending."""
+        if len(places) == len(self.starts):
             return self
         return MessageRun(self.starts.take(places), self.ends.take(places), self.channels.take(places))
 
@@ -127,12 +132,28 @@ class EvenRun:
         )
 
 
-def on_channels(channels: IntArray, ids: Iterable[int]) -> npt.NDArray[np.bool_]:
+def on_channels(channels: IntArray, ids: Collection[int]) -> npt.NDArray[np.bool_]:
     """Return which of (n,) channels are among a few."""
+    if len(ids) > FEW_CHANNELS:
+        table = np.zeros(1 << 16, np.bool_)
+        table[list(ids)] = True
+        return table.take(channels)
     found = np.zeros(len(channels), np.bool_)
     for channel in ids:
         found |= channels == channel
     return found
+
+
+def by_channel(channels: IntArray) -> Iterator[tuple[int, IntArray]]:
+    """Yield each of (n,) channels with the places where it is, ascending; their number costs nothing."""
+    present = np.flatnonzero(np.bincount(channels)).tolist()
+    if len(present) <= FEW_CHANNELS:
+        for channel in present:
+            yield channel, np.flatnonzero(channels == channel)
+        return
+    order = np.argsort(channels, kind="stable")
+    ends = np.flatnonzero(np.diff(channels[order])) + 1
+    yield from zip(present, np.split(order, ends), strict=True)
 
 
 class RecordRuns:

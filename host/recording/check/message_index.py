@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from mcap.records import MessageIndex
 
-from host.recording.bulk.record_runs import MessageRun
+from host.recording.bulk.record_runs import MessageRun, by_channel
 from host.recording.check.account import Findings
 from host.recording.check.messages import CheckedChannel
 from host.recording.check.summary import WRONG_INDEX, MetChunk
@@ -30,8 +30,7 @@ class MessageIndexCheck:
 
     def add_messages(self, run: MessageRun, times_ns: IntArray) -> None:
         """Enter messages of the chunk."""
-        for channel in np.unique(run.channels).tolist():
-            chosen = run.channels == channel
+        for channel, chosen in by_channel(run.channels):
             entries = zip(times_ns[chosen].tolist(), run.starts[chosen].tolist(), strict=True)
             self._messages.setdefault(channel, []).extend(entries)
 

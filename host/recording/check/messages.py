@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from host.recording.bulk.record_runs import HEAD_BYTES, MessageRun
+from host.recording.bulk.record_runs import HEAD_BYTES, MessageRun, by_channel
 from host.recording.check.account import Findings
 from host.recording.completeness import NumberedRecords
 
@@ -63,17 +63,15 @@ class MessageCheck:
         times_ns = (times & np.uint64(2**63 - 1)).astype(np.int64)
         places = run.starts + at if within is None else np.full(len(run.starts), within)
         self._check_times(times, places)
-        for channel in np.unique(run.channels).tolist():
-            of_channel = np.flatnonzero(run.channels == channel)
+        for channel, of_channel in by_channel(run.channels):
             if channel not in self.channels:
                 what = f"{len(of_channel)} messages are" if len(of_channel) > 1 else "a message is"
                 meaning = "nobody can read them; the channel's number or its record is damaged"
                 where = int(places[of_channel[0]])
                 self._damage.add(where, f"{what} on channel {channel}, which is not described before", meaning)
                 continue
-            self._check_numbers(
-                self.channels[channel], run.where(run.channels == channel).numbers(block), places[of_channel]
-            )
+            numbers = run.at(of_channel).numbers(block)
+            self._check_numbers(self.channels[channel], numbers, places[of_channel])
         self.n += len(run.starts)
         return times_ns
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from firmware_protocol.items import StreamCounters
 from host.recording import format as fmt
 from host.recording.bulk.raw_span import RawSpan, raw_spans
-from host.recording.bulk.record_runs import HEAD_BYTES, MESSAGE_HEAD_BYTES, MessageRun
+from host.recording.bulk.record_runs import HEAD_BYTES, MESSAGE_HEAD_BYTES, MessageRun, by_channel
 from host.recording.check.account import DecodedRaw, Findings
 from host.recording.check.messages import MessageCheck
 from host.recording.reader import RecordingHeader, parse_header, parse_missing
@@ -65,11 +63,11 @@ class OwnCheck:
 
     def add(self, block: memoryview, run: MessageRun, at: int, within: int | None = None) -> None:
         """Enter messages of a block; places as in :meth:`host.recording.check.messages.MessageCheck.add`."""
-        for channel in np.unique(run.channels).tolist():
+        for channel, of_channel in by_channel(run.channels):
             checked = self._messages.channels.get(channel)
             if checked is None:
                 continue
-            chosen, topic = run.where(run.channels == channel), checked.topic
+            chosen, topic = run.at(of_channel), checked.topic
             if topic == fmt.RECEIVED:
                 self._add_received(block, chosen, at, within)
                 continue

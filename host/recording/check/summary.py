@@ -37,15 +37,16 @@ class MetRecords:
     """Bytes of the record, name."""
     metadata: dict[int, tuple[int, str]] = field(default_factory=dict)
     n_schemas: int = 0
-    groups: list[tuple[int, int, int]] = field(default_factory=list)
-    """Of the summary: kind, start and end of records of one kind that follow each other."""
+    groups: dict[int, tuple[int, int]] = field(default_factory=dict)
+    """Of the summary, records of one kind that follow each other: by their start, kind and end."""
+    last_group: int = -1
+    """Start of the one that may go on."""
 
     def add_to_group(self, kind: int, start: int, end: int) -> None:
         """Enter a record of the summary."""
-        if self.groups and self.groups[-1][0] == kind and self.groups[-1][2] == start:
-            self.groups[-1] = kind, self.groups[-1][1], end
-        else:
-            self.groups.append((kind, start, end))
+        if self.groups.get(self.last_group) != (kind, start):
+            self.last_group = start
+        self.groups[self.last_group] = kind, end
 
 
 class SummaryCheck:
@@ -62,6 +63,9 @@ class SummaryCheck:
     def add_statistics(self, at: int, found: Statistics) -> None:
         """Enter the counts."""
         met, messages = self._met, self._messages
+        if self.stated is not None:
+            self._damage.add(at, "the file states its counts twice", WRONG_COUNT)
+            return
         self.stated = found.channel_message_counts
         pairs = {
             "messages": (found.message_count, messages.n),
@@ -129,13 +133,13 @@ class SummaryCheck:
 
     def add_summary_offset(self, at: int, found: SummaryOffset) -> None:
         """Enter where the records of one kind are said to stand."""
-        group = found.group_opcode, found.group_start, found.group_start + found.group_length
-        if found.group_length and group not in self._met.groups:
-            self._damage.add(at, f"a group of the summary is said to start at {found.group_start}", WRONG_INDEX)
+        group = found.group_opcode, found.group_start + found.group_length
+        if found.group_length and self._met.groups.get(found.group_start) != group:
+            self._damage.add(at, f"no group of the summary is at {found.group_start}, as stated", WRONG_INDEX)
 
     def add_footer(self, at: int, found: Footer, summary_start: int | None) -> None:
         """Enter the footer; ``summary_start`` is the offset behind the end of the data, None where there is none."""
-        offsets = [start for kind, start, _ in self._met.groups if kind == Opcode.SUMMARY_OFFSET]
+        offsets = [start for start, (kind, _) in self._met.groups.items() if kind == Opcode.SUMMARY_OFFSET]
         if found.summary_start and found.summary_start != summary_start:
             what = f"the summary is said to start at {found.summary_start}, the data end at {summary_start}"
             self._damage.add(at, what, WRONG_INDEX)
