@@ -50,14 +50,17 @@ def run(args: argparse.Namespace) -> int:
     with ReplayTransport(args.file, args.speed) as transport, stop_on_signals() as stop:
         screen = guarded(open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, plain_lines=args.plain)))
         then = recorded_actions(args.file), recorded_commands(args.file)
+        trial = None
         screen.start()
         try:
             live = play(transport, Trial(), screen, stop, args.speed, *then, title="rotdrift replay")
-            score = score_trial(load_trial(args.file), ScoreOptions(clock=args.json))
+            trial = load_trial(args.file)
+            score = score_trial(trial, ScoreOptions(clock=args.json))
             if live is not None:
                 screen.update(finished_state(live, score))
         except AnalysisError as error:
-            raise FileError(f"{args.file} cannot be scored ({error})") from error
+            damaged = "" if trial is None else trial.why_unscored
+            raise FileError(f"{args.file} cannot be scored ({error}){damaged}") from error
         finally:
             screen.stop()
     if args.json:

@@ -60,6 +60,11 @@ class RecordedTrial:
     """What the operator did, in order, at most :data:`MAX_EVENTS`."""
 
     @property
+    def why_unscored(self) -> str:
+        """What may be why it cannot be scored, to be put behind the reason; empty where the file is sound."""
+        return f"; the file is damaged: {'; '.join(self.damage[:3])}" if self.damage else ""
+
+    @property
     def clock(self) -> OfflineClock | None:
         """What the offline pass finds of the object's clock and of the link's jitter; None where it finds nothing.
 

@@ -95,9 +95,12 @@ def score_recording(
     try:
         result = score_plain(series, options) if trial is None else score_trial(trial, options)
     except SeriesError as error:
-        raise UsageError(f"{path.name}: {error}", "choose end points or a window inside the recording") from error
+        damaged = "" if trial is None else trial.why_unscored
+        raise UsageError(
+            f"{path.name}: {error}{damaged}", "choose end points or a window inside the recording"
+        ) from error
     except AnalysisError as error:
-        raise FileError(f"{path.name}: {error}") from error
+        raise FileError(f"{path.name}: {error}{'' if trial is None else trial.why_unscored}") from error
     return (
         ScoredRecording(series, result) if trial is None else ScoredRecording(series, result, trial.info, trial.damage)
     )

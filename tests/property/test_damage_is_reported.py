@@ -130,6 +130,11 @@ def test_numbers_that_another_tool_left_out_are_no_damage(tmp_path):
     assert trial.damage == ("the recording's own description is damaged: link, date and settings are not known",)
 
 
+class Shown(dict):
+    def __repr__(self):  # hypothesis prints it
+        return "Shown"
+
+
 def shown_by(command, path, folder):
     """What one command makes of a recording: its result as far as it is numbers, and all its words."""
     out = folder / "out.csv"
@@ -151,9 +156,8 @@ def shown(whole, tmp_path_factory):
     """What each command makes of the whole recording, and the submission of it."""
     folder = tmp_path_factory.mktemp("shown")
     (folder / "trial.mcap").write_bytes(whole.data)
-    return {name: shown_by(name, folder / "trial.mcap", folder)[0] for name in ("score", "replay", "convert")} | {
-        "report": submission(whole.data)
-    }
+    shown = {name: shown_by(name, folder / "trial.mcap", folder)[0] for name in ("score", "replay", "convert")}
+    return Shown(shown | {"report": submission(whole.data)})
 
 
 def submission(data):
@@ -172,17 +176,20 @@ def test_every_command_gives_the_same_or_reports_what_is_missing(whole, shown, t
         sentences = load_trial(path).damage
     except FileError:
         sentences = None
+    refused = sentences is None
     for command in ("score", "replay", "convert"):
         result, words = shown_by(command, path, folder)
-        if sentences is None:
-            assert (result, words.startswith("rotdrift: ")) == (None, True)
+        if result is None:  # it cannot be read or scored, and the reason is given
+            assert words.startswith("rotdrift: ")
+            assert all(sentence in words for sentence in (sentences or ())[:3])
+            refused = True
         elif not sentences:
             assert result == shown[command], command
         elif command == "convert":
             assert all(sentence in words for sentence in sentences)
         else:
             assert set(sentences) <= set(result["warnings"]), command
-    if sentences is None:
+    if refused:
         with pytest.raises(HostError):
             submission(data)
         return
@@ -207,3 +214,16 @@ def test_commands_report_what_is_damaged(whole, tmp_path, command):
     hurt_at(whole, path, removed, 100)
     done = rotdrift_here(command, path, *([tmp_path / "out.csv"] if command == "convert" else []))
     assert "1 record of /raw/received is missing from the file" in " ".join((done.stdout + done.stderr).split())
+
+
+@pytest.mark.parametrize("command", ["score", "replay"])
+def test_a_recording_with_too_little_left_to_score_is_refused_with_what_is_wrong_with_the_file(
+    whole, tmp_path, command
+):
+    data, records, _ = whole
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(data[: records[received(whole, 3)][0]])
+    done = rotdrift_here(command, path)
+    words = " ".join((done.stdout + done.stderr).split())
+    assert "the recording was not closed" in words
+    assert "θ̄ =" not in words
