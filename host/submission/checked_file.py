@@ -11,7 +11,8 @@ from host.errors import FileError, UsageError, unreadable
 from host.links.can.log_kind import can_log_kind
 from host.recording.check.account import CheckReport
 from host.recording.check.mcap_file import check_mcap
-from host.submission.bundle import MANIFEST, BundleError, check_manifest, read_bundle, read_folder
+from host.submission.archive import BundleError
+from host.submission.bundle import MANIFEST, check_manifest, read_bundle, read_folder
 from host.text import plain
 
 _ZIP, _ROS1, _SQLITE = b"PK\x03\x04", b"#ROSBAG V", b"SQLite format 3\0"
