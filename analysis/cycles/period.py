@@ -169,3 +169,12 @@ def _refined(motion: Motion, period: Period | None, smooth_s: float, settings: C
         if settled:
             break
     return period
+
+
+def confidence_at(motion: Motion, seconds: float, settings: CycleSettings) -> float:
+    """Return the largest autocorrelation within a tenth of a period known from elsewhere, 0 or more."""
+    smooth = motion.smoothed(settings.period_sigma * seconds).limited(settings.speed_limit)
+    lag = seconds * motion.rate_hz
+    last = min(int(1.1 * lag) + 1, len(smooth.omega) - 1)
+    curve = vector_autocorrelation(smooth.omega, last)[int(0.9 * lag) :]
+    return max(float(curve.max(initial=0.0)), 0.0)

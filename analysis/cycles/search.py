@@ -11,15 +11,17 @@ Irregular cycles inside a trial are kept and flagged, never dropped: a slip is w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.cycles.axis import AxisAngle, motion_axis
 from analysis.cycles.endpoints import Extremes, gate_ends, measure, split_runs, with_flags
+from analysis.cycles.grouping import Grouping, group, kinds, lasts_go_round, one_a_cycle
 from analysis.cycles.motion import Motion, angular_velocity
-from analysis.cycles.period import Period, search_period
+from analysis.cycles.period import Period, confidence_at, search_period
 from analysis.cycles.settings import CycleAnalysis, CycleSettings, Endpoint, LeftOut, Run
+from analysis.cycles.strokes import StrokePairs, stroke_pairs
 from analysis.cycles.template import axis_speeds, locked_cycles, template_turning_points
 from analysis.cycles.turning_points import NONE_FOUND, TurningPoints, turning_points, without_short_pairs
 from analysis.cycles.usable_samples import Samples
@@ -31,6 +33,25 @@ __all__ = ["CycleAnalysis", "CycleSettings", "Endpoint", "LeftOut", "Run", "find
 _DEFAULTS = CycleSettings()
 _MAX_GRID_PER_SAMPLE = 50
 _SMALL_GRID = 1_000_000  # costs nothing, however empty
+_LEVELS = (1.0, 0.5)
+"""Hysteresis of the strokes that are grouped, shares of the usual one: small peaks pass the second alone."""
+_SAME_PERIOD = 0.1
+_EVEN_SPREAD = 0.15
+"""Distance between neighbouring pairs of strokes up to which each is a cycle, in swings."""
+_EVEN_PAIRS = 4
+
+
+@dataclass(frozen=True)
+class _Settled:
+    """The period after the strokes have been asked."""
+
+    period: Period
+    pairs: int = 0
+    """Pairs of strokes a cycle; 0 where the strokes leave it to the autocorrelation."""
+    hysteresis: float = 0.0
+    """At which the strokes were found, share of the range of motion."""
+    possible: int = 0
+    """Another number of pairs that cannot be ruled out; 0 where there is none."""
 
 
 def find_cycles(
@@ -100,23 +121,69 @@ def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples, like_s: Sequ
         return replace(nothing, reasons=("the object does not move",))
     active_s = (motion.start_s + first / motion.rate_hz, motion.start_s + last / motion.rate_hz)
     nothing = replace(nothing, active_s=active_s)
-    period, smooth_s = search_period(motion.part(first, last), samples, settings)
+    moving = motion.part(first, last)
+    period, smooth_s = search_period(moving, samples, settings)
+    settled = None if period is None else _settled(moving, period, smooth_s, settings)
     refused = nothing
     # Below `min_confidence` there is no period, but even swings about one axis may still be cycles of changing tempo:
     # the search goes on, and where that leads to nothing, the refusal for want of a period stands.
-    if period is None or period.confidence < settings.min_confidence:
+    if settled is None or settled.period.confidence < settings.min_confidence:
         refused = replace(
             nothing,
-            reasons=(why_no_period(motion.part(first, last), period, settings),),
+            reasons=(why_no_period(moving, period, settings),),
             period_confidence=0.0 if period is None else period.confidence,
         )
-        if period is None or period.confidence < settings.min_tempo_confidence:
+        if settled is None or (settled.pairs == 0 and settled.period.confidence < settings.min_tempo_confidence):
             return refused
     if window is not None:  # the travel to the first and from the last end point may lie outside the window
-        margin = int(period.seconds * motion.rate_hz)
+        margin = int(settled.period.seconds * motion.rate_hz)
         first, last = first - margin, last + margin
-    result = _with_endpoints(nothing, samples, motion.part(first, last), period, smooth_s, like_s)
+    result = _with_endpoints(nothing, samples, motion.part(first, last), settled, smooth_s, like_s)
     return refused if refused.reasons and not result.valid else result
+
+
+def _settled(motion: Motion, period: Period, smooth_s: float, settings: CycleSettings) -> _Settled:
+    """Ask the strokes how many of them make a cycle, where the autocorrelation has found a period."""
+    turning = _axis(motion, period, smooth_s, settings)
+    length = period.seconds * motion.rate_hz
+    seen: list[tuple[float, TurningPoints, Grouping, StrokePairs]] = []
+    for level in _LEVELS:
+        hysteresis = level * settings.hysteresis
+        found = turning_points(turning.angle_rad, hysteresis * turning.swing_rad)
+        if len(found) < 2 * _EVEN_PAIRS or (seen and len(found) == len(seen[0][1])):
+            continue
+        pairs = stroke_pairs(motion, turning, found)
+        grouping = group((pairs, stroke_pairs(motion, turning, found.without_first())))
+        seen.append((hysteresis, found, grouping, pairs))
+        if abs(_between(found, grouping.pairs) / length - 1.0) <= _SAME_PERIOD:
+            break  # both agree: smaller peaks would change nothing
+    if not seen:
+        return _Settled(period)
+    hysteresis, found, grouping, pairs = min(seen, key=lambda way: way[2].nearness)
+    k = grouping.pairs
+    between = _between(found, k)
+    if abs(between / length - 1.0) <= _SAME_PERIOD:
+        return _Settled(period, k if k > 1 else 0, hysteresis, grouping.possible)
+    even = grouping.spread <= _EVEN_SPREAD and not lasts_go_round(pairs, max(round(length / between), 2))
+    if k == 1 and not even:
+        return _Settled(period, possible=grouping.possible)
+    seconds = between / motion.rate_hz
+    return _Settled(Period(seconds, confidence_at(motion, seconds, settings)), k, hysteresis, grouping.possible)
+
+
+def _between(found: TurningPoints, pairs: int) -> float:
+    """Return the median distance between turning points so many pairs of strokes apart, grid points."""
+    return float(np.median(found.points[2 * pairs :] - found.points[: -2 * pairs]))
+
+
+def _axis(motion: Motion, period: Period, smooth_s: float, settings: CycleSettings) -> AxisAngle:
+    return motion_axis(
+        motion,
+        period.seconds,
+        sigma_periods=settings.axis_sigma,
+        smooth_s=smooth_s,
+        speed_limit=settings.speed_limit,
+    )
 
 
 def _active(motion: Motion, window: tuple[float, float] | None) -> tuple[int, int]:
@@ -131,18 +198,12 @@ def _with_endpoints(
     nothing: CycleAnalysis,
     samples: Samples,
     motion: Motion,
-    period: Period,
+    settled: _Settled,
     smooth_s: float,
     like_s: Sequence[float],
 ) -> CycleAnalysis:
-    settings = nothing.settings
-    turning = motion_axis(
-        motion,
-        period.seconds,
-        sigma_periods=settings.axis_sigma,
-        smooth_s=smooth_s,
-        speed_limit=settings.speed_limit,
-    )
+    settings, period = nothing.settings, settled.period
+    turning = _axis(motion, period, smooth_s, settings)
     swing_deg = float(np.degrees(turning.swing_rad))
     result = replace(
         nothing,
@@ -154,7 +215,7 @@ def _with_endpoints(
     )
     if swing_deg < settings.min_swing_deg:
         return replace(result, reasons=(f"range of motion {swing_deg:.2f}°, needs {settings.min_swing_deg}°",))
-    found, peaks = _turning_points(motion, turning, period, settings)
+    found, peaks = _turning_points(motion, turning, settled, settings)
     if peaks == 0:  # every swing is a cycle, of changing length: the autocorrelation saw several as one
         period, peaks = Period(float(np.median(_spacing(found))) / motion.rate_hz, period.confidence), 1
     candidates = [
@@ -191,13 +252,20 @@ def _count_near(endpoints: Sequence[Endpoint], like_s: Sequence[float], within_s
 
 
 def _turning_points(
-    motion: Motion, turning: AxisAngle, period: Period, settings: CycleSettings
+    motion: Motion, turning: AxisAngle, settled: _Settled, settings: CycleSettings
 ) -> tuple[TurningPoints, int]:
     """Find one turning point of each kind per cycle, and how many per cycle the bare hysteresis found.
 
     Zero stands for: one each, but the period is wrong.
     """
+    period = settled.period
     length = period.seconds * motion.rate_hz
+    if settled.pairs:
+        found = turning_points(turning.angle_rad, settled.hysteresis * turning.swing_rad)
+        if settled.pairs == 1:
+            return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
+        label = kinds(stroke_pairs(motion, turning, found), settled.pairs)
+        return one_a_cycle(found, turning.angle_rad, label, settled.pairs, length), settled.pairs
     found = turning_points(turning.angle_rad, settings.hysteresis * turning.swing_rad)
     spacing = _spacing(found) / length
     if len(spacing) == 0:

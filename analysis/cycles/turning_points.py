@@ -21,6 +21,21 @@ class TurningPoints:
     def __len__(self) -> int:
         return len(self.points)
 
+    def without_first(self) -> TurningPoints:
+        """Return all but the first one."""
+        return TurningPoints(self.points[1:], self.upper[1:])
+
+    def apart(self, spacing: float) -> TurningPoints:
+        """Return those that follow the one before of their kind by this many grid points."""
+        kept = np.ones(len(self), dtype=bool)
+        for kind in (True, False):
+            places = np.flatnonzero(self.upper == kind)
+            last = -np.inf
+            for place in places.tolist():
+                kept[place] = self.points[place] - last >= spacing
+                last = float(self.points[place]) if kept[place] else last
+        return TurningPoints(self.points[kept], self.upper[kept])
+
 
 NONE_FOUND = TurningPoints(np.empty(0, dtype=np.int64), np.empty(0, dtype=bool))
 
