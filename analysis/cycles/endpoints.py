@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.cycles.axis import AxisAngle
 from analysis.cycles.motion import Motion
-from analysis.cycles.settings import CycleSettings, Endpoint, LeftOut
+from analysis.cycles.settings import AFTER_PAUSE, CycleSettings, Endpoint, LeftOut
 from analysis.cycles.turning_points import TurningPoints, dwell, swings
 from analysis.cycles.usable_samples import Samples
 from analysis.geometry import rotations
@@ -24,6 +24,8 @@ class Extremes:
     """One per extreme, without flags."""
     inner_swing: FloatArray
     """(k, 2) travel before and after each, as a share of the range of motion."""
+    goes_on: BoolArray
+    """(k − 1,) whether one cycle, however long, lies between each and the next: a pause in it only makes it longer."""
     refused: tuple[LeftOut, ...]
     """Extremes inside data gaps."""
 
@@ -94,13 +96,18 @@ def measure(
         for k in np.flatnonzero(gaps_s > max_gap_s).tolist()
     )
     travel = np.stack([before, after], axis=1)[chosen[kept]] / turning.swing_rad
-    return Extremes(endpoints, travel, refused)
+    # One turning point of the other kind between two, as far off as usual, and all of it seen.
+    whole = (travel[:-1, 1] >= settings.swing[0]) & (travel[1:, 0] >= settings.swing[0])
+    whole &= np.all((travel[:-1, 1:] <= settings.swing[1]) & (travel[1:, :1] <= settings.swing[1]), axis=1)
+    whole &= np.diff(chosen[kept]) == 2
+    whole &= ~samples.have_gaps(times_s[kept[:-1]], times_s[kept[1:]], max_gap_s)
+    return Extremes(endpoints, travel, whole, refused)
 
 
 def split_runs(extremes: Extremes, period_s: float, settings: CycleSettings) -> list[slice]:
-    """Return the runs of extremes without a pause between them, in time order."""
+    """Return the runs of extremes, in time order: a pause ends one unless the phase goes on behind it."""
     times_s = np.array([point.time_s for point in extremes.endpoints])
-    cuts = 1 + np.flatnonzero(np.diff(times_s) > settings.pause * period_s)
+    cuts = 1 + np.flatnonzero((np.diff(times_s) > settings.pause * period_s) & ~extremes.goes_on)
     edges = [0, *cuts.tolist(), len(times_s)]
     return [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
 
@@ -160,7 +167,8 @@ def _irregular(
         return "the pose before the motion or after it"
     if points[end].dwell_s > 2.0 * usual_dwell_s + 0.25 * period_s:
         return f"idle pose, held {points[end].dwell_s:.2f} s"
-    if not settings.spacing[0] <= spacing <= settings.spacing[1]:
+    paused = spacing > settings.pause and extremes.goes_on[min(inner, end)]
+    if not (paused or settings.spacing[0] <= spacing <= settings.spacing[1]):
         return f"{spacing:.2f} periods from the next"
     if not settings.swing[0] <= inward <= settings.swing[1]:
         return f"swing of {inward:.2f} times the usual"
@@ -179,7 +187,9 @@ def with_flags(extremes: Extremes, run: slice, period_s: float, settings: CycleS
     flagged = []
     for k, point in enumerate(points):
         flags = list(point.flags)
-        if k and odd_spacing[k - 1]:
+        if k and spacing[k - 1] > settings.pause:
+            flags.append(AFTER_PAUSE)
+        elif k and odd_spacing[k - 1]:
             flags.append("odd spacing")
         if odd_swing[k]:
             flags.append("odd swing")

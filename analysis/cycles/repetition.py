@@ -6,13 +6,14 @@ import numpy as np
 
 from analysis.cycles.motion import Motion
 from analysis.geometry.rotations import row_lengths
-from analysis.series import FloatArray
+from analysis.series import BoolArray, FloatArray
 
 _PHASES = 48
 _MAX_CYCLES = 2000
+_MIN_TREND, _TREND_CHANCE, _MIN_SLOPE = 5, 0.005, 0.01
 
 
-def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
+def likeness(motion: Motion, endpoint_s: FloatArray, paused: BoolArray | None = None) -> float:
     """Return the median correlation of each cycle's angular velocity with the mean of its six neighbours.
 
     Cycles are scaled to one length first, so tempo does not matter; nor does the size of the motion. Neighbours
@@ -24,16 +25,20 @@ def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
         Angular velocity of the trial, smoothed to a fortieth of a period or so: noise in ω must not count.
     endpoint_s : array of float
         (n,) times of the end points, n ≥ 3, s.
+    paused : array of bool, optional
+        (n − 1,) cycles with a pause in them: they have another shape, and are not compared.
 
     Returns
     -------
     −1 to 1; above 0.9 for a hand that repeats itself, 0.5 and less for random motion.
     """
-    cycles = min(len(endpoint_s) - 1, _MAX_CYCLES)
+    used = np.flatnonzero(~paused) if paused is not None and np.sum(~paused) >= 2 else np.arange(len(endpoint_s) - 1)
+    used = used[:_MAX_CYCLES]
+    cycles = len(used)
     grid_s = motion.start_s + (np.arange(len(motion.omega)) + 0.5) / motion.rate_hz
     phase = (np.arange(_PHASES) + 0.5) / _PHASES
-    length_s = np.diff(endpoint_s[: cycles + 1])
-    at_s = endpoint_s[:cycles, None] + phase * length_s[:, None]
+    length_s = np.diff(endpoint_s)[used]
+    at_s = endpoint_s[used, None] + phase * length_s[:, None]
     shape = np.stack([np.interp(at_s, grid_s, motion.omega[:, axis]) for axis in range(3)], axis=-1)
     shape = (shape * length_s[:, None, None]).reshape(cycles, -1)
     # Sums of neighbours from one cumulative sum: three before to three after, the cycle itself taken off.
@@ -44,7 +49,7 @@ def likeness(motion: Motion, endpoint_s: FloatArray) -> float:
     return float(np.median((shape * others).sum(axis=1) / np.maximum(scale, 1e-300)))
 
 
-def irregularity(endpoint_s: FloatArray | None, prominence: FloatArray) -> float:
+def irregularity(spacing_s: FloatArray | None, prominence: FloatArray) -> float:
     """Return the spread of the distances between end points and of the swings, as a share of their medians.
 
     Each spread is 1.25 times the mean deviation from the median (the standard deviation of normal values), so that
@@ -52,13 +57,13 @@ def irregularity(endpoint_s: FloatArray | None, prominence: FloatArray) -> float
 
     Parameters
     ----------
-    endpoint_s : array of float or None
-        (n,) times of the end points, n ≥ 3, s; None where any tempo will do.
+    spacing_s : array of float or None
+        Distances between end points without those across a pause, s; None where any tempo will do.
     prominence : array of float
         (n,) swing of each, any unit.
     """
     total = 0.0
-    for values in (prominence,) if endpoint_s is None else (np.diff(endpoint_s), prominence):
+    for values in (prominence,) if spacing_s is None or not len(spacing_s) else (spacing_s, prominence):
         middle = float(np.median(values))
         total += (1.25 * float(np.mean(np.abs(values - middle))) / max(middle, 1e-300)) ** 2
     return float(np.sqrt(total))
@@ -85,3 +90,30 @@ def rests(motion: Motion, period_s: float) -> tuple[float, float]:
     length_s = length_s[length_s > 0.03 * period_s]
     total_s = len(speed) / motion.rate_hz
     return len(length_s) * period_s / total_s, float(length_s.sum()) / total_s
+
+
+def swing_trend(prominence: FloatArray) -> float:
+    """Return by which share the swing grows a cycle where it does so steadily, below 0 where it shrinks; else 0.
+
+    A straight line through the logarithms; steady where its slope has a chance below 0.005 (Student's t) and is 1 % or
+    more.
+
+    Parameters
+    ----------
+    prominence : array of float
+        (n,) swing of each cycle, any unit.
+    """
+    n = len(prominence)
+    if n < _MIN_TREND or not np.all(prominence > 0.0):
+        return 0.0
+    from scipy import stats  # slow to import
+
+    line = stats.linregress(np.arange(n), np.log(prominence))
+    return float(np.expm1(line.slope)) if line.pvalue < _TREND_CHANCE and abs(line.slope) >= _MIN_SLOPE else 0.0
+
+
+def alternation(steps: FloatArray) -> float:
+    """Return the lag-1 correlation of (n, 3) rotation vectors about their mean: near −1 where they come and go."""
+    apart = steps - steps.mean(axis=0)
+    power = float(np.einsum("ij,ij->", apart, apart))
+    return float(np.einsum("ij,ij->", apart[1:], apart[:-1])) / power if power > 0.0 else 0.0

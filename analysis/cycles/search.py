@@ -20,12 +20,14 @@ from analysis.cycles.endpoints import Extremes, gate_ends, measure, split_runs, 
 from analysis.cycles.grouping import Grouping, group, kinds, lasts_go_round, one_a_cycle
 from analysis.cycles.motion import Motion, angular_velocity
 from analysis.cycles.period import Period, confidence_at, search_period
+from analysis.cycles.repetition import swing_trend
 from analysis.cycles.settings import CycleAnalysis, CycleSettings, Endpoint, LeftOut, Run
 from analysis.cycles.strokes import StrokePairs, stroke_pairs
 from analysis.cycles.template import axis_speeds, locked_cycles, template_turning_points
 from analysis.cycles.turning_points import NONE_FOUND, TurningPoints, turning_points, without_short_pairs
 from analysis.cycles.usable_samples import Samples
 from analysis.cycles.verdict import why_no_period, with_verdict
+from analysis.geometry import rotations
 from analysis.series import FloatArray, IntArray, OrientationSeries
 
 __all__ = ["CycleAnalysis", "CycleSettings", "Endpoint", "LeftOut", "Run", "find_cycles"]
@@ -222,11 +224,15 @@ def _with_endpoints(
         _with_runs(result, measure(samples, motion, turning, found, period.seconds, settings, upper=upper), period)
         for upper in (True, False)
     ]
-    # Primary is the extreme asked for; else the one with more end points, and of as many the one that is reached first.
+    # A swing that grows or shrinks moves the end points of at least one extreme as drift would.
+    moved = [_moved_by_swing(candidate) for candidate in candidates]
+    # Primary is the extreme asked for; else the one that a changing swing moves less, or the one with more end points,
+    # and of as many the one that is reached first.
     primary, other = sorted(
         candidates,
         key=lambda c: (
             -_count_near(c.endpoints, like_s, 0.25 * period.seconds),
+            min(moved) > 0.0 and _moved_by_swing(c) > min(moved),
             -len(c.endpoints),
             c.endpoints[0].time_s if c.endpoints else np.inf,
         ),
@@ -238,7 +244,25 @@ def _with_endpoints(
         left_out=tuple(sorted(left_out, key=lambda item: item.time_s)),
         peaks_per_cycle=peaks,
     )
-    return with_verdict(result, motion, turning, samples, period)
+    result = with_verdict(result, motion, turning, samples, period)
+    if not settled.possible or not result.valid:
+        return result
+    seconds = period.seconds * settled.possible / max(settled.pairs, 1)
+    other_way = _Settled(Period(seconds, period.confidence), settled.possible, settled.hysteresis)
+    alternative = _with_endpoints(nothing, samples, motion, other_way, smooth_s, like_s)
+    if len(alternative.endpoints) < 2:
+        return result
+    both = " or ".join(f"{way.period_s:.2f} s with θ̄ {way.theta_bar_deg:.2f}°" for way in (result, alternative))
+    return replace(result, alternative=alternative, warnings=(*result.warnings, f"two periods are possible: {both}"))
+
+
+def _moved_by_swing(result: CycleAnalysis) -> float:
+    """Return how far an extreme moves about the motion axis a cycle, rad, where the swing grows or shrinks; else 0."""
+    points = result.endpoints
+    if not swing_trend(np.array([point.prominence_deg for point in points])):
+        return 0.0
+    first, last = points[0].quat_wxyz, points[-1].quat_wxyz
+    return abs(float(rotations.log(rotations.difference(last, first)) @ result.axis)) / (len(points) - 1)
 
 
 def _count_near(endpoints: Sequence[Endpoint], like_s: Sequence[float], within_s: float) -> int:

@@ -6,7 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from analysis.geometry import averages, rotations
 from analysis.series import FloatArray
+
+AFTER_PAUSE = "after a pause"
+"""Flag of an end point whose step lies across a pause."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,10 @@ class Endpoint:
     prominence_deg: float
     """Travel about the motion axis to the extreme or away from it, whichever is less, deg."""
     flags: tuple[str, ...] = ()
-    """What is odd about it: ``odd spacing``, ``odd swing``, ``pose jump``, ``long dwell``, ``gap nearby``."""
+    """What is odd about it.
+
+    ``after a pause``, ``odd spacing``, ``odd swing``, ``pose jump``, ``long dwell``, ``gap nearby``.
+    """
 
 
 @dataclass(frozen=True)
@@ -205,7 +212,9 @@ class CycleAnalysis:
     left_out: tuple[LeftOut, ...] = ()
     """Turning points left out, with the reason."""
     peaks_per_cycle: int = 1
-    """Turning points of one kind per cycle; above 1 the cycles were found by a template."""
+    """Turning points of one kind per cycle; above 1 one of them ends the cycle, always the same."""
+    alternative: CycleAnalysis | None = None
+    """The same motion with another period that cannot be ruled out."""
 
     @property
     def valid(self) -> bool:
@@ -216,3 +225,11 @@ class CycleAnalysis:
     def endpoints(self) -> tuple[Endpoint, ...]:
         """End points of the primary extreme in its longest run: what is scored, if :attr:`valid`."""
         return next((run.endpoints for run in self.runs if run.scored), ())
+
+    @property
+    def theta_bar_deg(self) -> float:
+        """Angle of the mean step between the end points, deg; NaN for fewer than two."""
+        quats = np.array([point.quat_wxyz for point in self.endpoints])
+        if len(quats) < 2:
+            return float("nan")
+        return float(np.degrees(rotations.angle(averages.average(rotations.difference(quats[1:], quats[:-1])))))

@@ -13,12 +13,14 @@ import numpy as np
 from analysis.cycles.axis import AxisAngle
 from analysis.cycles.motion import Motion
 from analysis.cycles.period import Period
-from analysis.cycles.repetition import irregularity, likeness, rests
-from analysis.cycles.settings import CycleAnalysis, CycleSettings
+from analysis.cycles.repetition import alternation, irregularity, likeness, rests, swing_trend
+from analysis.cycles.settings import AFTER_PAUSE, CycleAnalysis, CycleSettings
 from analysis.cycles.turning_points import turning_points
 from analysis.cycles.usable_samples import Samples
+from analysis.geometry import rotations
 
 _ONE_WAY = 1.0 / 3.0  # net turn as a share of all turning
+_ALTERNATE, _MIN_ALTERNATING = -0.75, 8
 
 
 def why_no_period(motion: Motion, period: Period | None, settings: CycleSettings) -> str:
@@ -70,14 +72,15 @@ def with_verdict(
     """
     settings, points = result.settings, result.endpoints
     times_s = np.array([point.time_s for point in points])
-    spacing_s = np.diff(times_s)
+    paused = np.array([AFTER_PAUSE in point.flags for point in points[1:]], dtype=bool)
+    spacing_s = np.diff(times_s)[~paused]
     any_tempo = period.confidence < settings.min_confidence
     prominence = np.array([point.prominence_deg for point in points])
     result = replace(
         result,
         period_s=float(np.median(spacing_s)) if len(spacing_s) else period.seconds,
-        likeness=likeness(motion.smoothed(period.seconds / 40.0), times_s) if len(points) >= 3 else 0.0,
-        irregularity=irregularity(times_s, prominence) if len(points) >= 3 else 0.0,
+        likeness=likeness(motion.smoothed(period.seconds / 40.0), times_s, paused) if len(points) >= 3 else 0.0,
+        irregularity=irregularity(spacing_s, prominence) if len(points) >= 3 else 0.0,
     )
     reasons = _reasons(result, motion, turning, any_tempo=any_tempo)
     warnings = _warnings(result, period)
@@ -139,7 +142,8 @@ def _reasons(result: CycleAnalysis, motion: Motion, turning: AxisAngle, *, any_t
 
 def _warnings(result: CycleAnalysis, period: Period) -> list[str]:
     settings, points = result.settings, result.endpoints
-    spacing_s = np.diff([point.time_s for point in points])
+    paused = np.array([AFTER_PAUSE in point.flags for point in points[1:]], dtype=bool)
+    spacing_s = np.diff([point.time_s for point in points])[~paused]
     warnings = []
     if period.confidence < settings.sure_confidence:
         warnings.append(f"cycles differ much: autocorrelation at the period only {period.confidence:.2f}")
@@ -151,6 +155,18 @@ def _warnings(result: CycleAnalysis, period: Period) -> list[str]:
         )
     if len(spacing_s) >= 3 and np.ptp(spacing_s) > settings.max_tempo_change * result.period_s:
         warnings.append(f"tempo changes: cycles last {spacing_s.min():.2f} to {spacing_s.max():.2f} s")
+    if paused.any():
+        warnings.append(f"steps across a pause in which the phase goes on: {paused.sum()}, scored and flagged")
+    if trend := swing_trend(np.array([point.prominence_deg for point in points])):
+        warnings.append(
+            f"the swing {'grows' if trend > 0.0 else 'shrinks'} by {abs(trend):.1%} a cycle, "
+            f"{abs(trend) * result.swing_deg:.2g}°: as much of a step may be the swing, not drift"
+        )
+    if len(points) > _MIN_ALTERNATING:
+        quats = np.array([point.quat_wxyz for point in points])
+        correlation = alternation(rotations.log(rotations.difference(quats[1:], quats[:-1])))
+        if correlation < _ALTERNATE:
+            warnings.append(f"steps alternate: each with the next {correlation:.2f}. Are two of these cycles one?")
     if len(result.runs) > 1:
         warnings.append(f"{len(result.runs)} runs with pauses between them: only the longest is scored")
     if any("gap" in item.reason for item in result.left_out if item.primary):
