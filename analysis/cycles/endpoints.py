@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.cycles.axis import AxisAngle
 from analysis.cycles.motion import Motion
-from analysis.cycles.settings import AFTER_PAUSE, CycleSettings, Endpoint, LeftOut
+from analysis.cycles.settings import AFTER_PAUSE, LONG_DWELL, CycleSettings, Endpoint, LeftOut
 from analysis.cycles.turning_points import TurningPoints, dwell, swings
 from analysis.cycles.usable_samples import Samples
 from analysis.geometry import rotations
@@ -196,7 +196,7 @@ def with_flags(extremes: Extremes, run: slice, period_s: float, settings: CycleS
         if k and jump[k - 1]:
             flags.append("pose jump")
         if point.dwell_s > 2.0 * usual_dwell_s + 0.25 * period_s:
-            flags.append("long dwell")
+            flags.append(LONG_DWELL)
         flagged.append(replace(point, flags=tuple(flags)))
     return tuple(flagged)
 

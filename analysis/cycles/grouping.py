@@ -23,9 +23,11 @@ MAX_PAIRS = 4
 """Most pairs a cycle."""
 _JUDGED = 200
 """Pairs that are compared, the first ones: as many as make any motion clear."""
+MAX_POINTS = 2 * _JUDGED + 2
+"""Turning points of so many pairs."""
 _CLEAR = 0.45
 """Largest distance a multiple of k apart, share of the smallest of the others."""
-_CLEAR_CHANCE = 0.05
+_CLEAR_CHANCE, _NO_CHANCE = 0.02, 0.05
 _OBVIOUS = 0.2
 """So much smaller that no other order of the pairs need be tried: few pairs have few orders."""
 _APART = 0.06
@@ -76,7 +78,7 @@ def group(starting: tuple[StrokePairs, StrokePairs]) -> Grouping:
     # From either turning point on, the pairs are the same strokes: what is there must show in both.
     for k in range(2, MAX_PAIRS + 1):
         shares, chances = zip(*(_goes_round(each, k) for each in shapes), strict=True)
-        if max(shares) < _POSSIBLE_SHARE or min(chances) > _POSSIBLE_CHANCE or max(chances) > _CLEAR_CHANCE:
+        if max(shares) < _POSSIBLE_SHARE or min(chances) > _POSSIBLE_CHANCE or max(chances) > _NO_CHANCE:
             continue
         if k == 2 and max(shares) >= _FINE_SHARE and min(chances) <= _FINE_CHANCE:
             return Grouping(k, 1.0, min(_spread(each, k) for each in distances), possible=1)
@@ -84,12 +86,17 @@ def group(starting: tuple[StrokePairs, StrokePairs]) -> Grouping:
     return found
 
 
+def spread(pairs: StrokePairs) -> float:
+    """Return the median distance between neighbouring pairs, in swings; infinite for too few."""
+    return _spread(_distances(_without_trend(pairs.shapes[:_JUDGED])), 1)
+
+
 def lasts_go_round(pairs: StrokePairs, k: int) -> bool:
     """Return whether the time that strokes take goes round with k pairs, where their shapes may not."""
     durations = _without_trend(pairs.durations[:_JUDGED])
     if len(durations) <= 2 * k:
         return False
-    return _goes_round(durations, k)[1] <= _CLEAR_CHANCE
+    return _goes_round(durations, k)[1] <= _NO_CHANCE
 
 
 def kinds(pairs: StrokePairs, k: int) -> IntArray:

@@ -10,6 +10,7 @@ Irregular cycles inside a trial are kept and flagged, never dropped: a slip is w
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,11 +18,11 @@ import numpy as np
 
 from analysis.cycles.axis import AxisAngle, motion_axis
 from analysis.cycles.endpoints import Extremes, gate_ends, measure, split_runs, with_flags
-from analysis.cycles.grouping import Grouping, group, kinds, lasts_go_round, one_a_cycle
+from analysis.cycles.grouping import MAX_POINTS, Grouping, group, kinds, lasts_go_round, one_a_cycle, spread
 from analysis.cycles.motion import Motion, angular_velocity
 from analysis.cycles.period import Period, confidence_at, search_period
 from analysis.cycles.repetition import swing_trend
-from analysis.cycles.settings import CycleAnalysis, CycleSettings, Endpoint, LeftOut, Run
+from analysis.cycles.settings import LONG_DWELL, CycleAnalysis, CycleSettings, Endpoint, LeftOut, Run
 from analysis.cycles.strokes import StrokePairs, stroke_pairs
 from analysis.cycles.template import axis_speeds, locked_cycles, template_turning_points
 from analysis.cycles.turning_points import NONE_FOUND, TurningPoints, turning_points, without_short_pairs
@@ -37,7 +38,9 @@ _MAX_GRID_PER_SAMPLE = 50
 _SMALL_GRID = 1_000_000  # costs nothing, however empty
 _LEVELS = (1.0, 0.5)
 """Hysteresis of the strokes that are grouped, shares of the usual one: small peaks pass the second alone."""
-_SAME_PERIOD = 0.1
+_SAME_PERIOD, _ALMOST_PERIOD = 0.1, 0.2
+_PAUSED = 1.6
+"""A cycle that lasts so many times as long as the shorter ones has a pause in it."""
 _EVEN_SPREAD = 0.15
 """Distance between neighbouring pairs of strokes up to which each is a cycle, in swings."""
 _EVEN_PAIRS = 4
@@ -154,8 +157,8 @@ def _settled(motion: Motion, period: Period, smooth_s: float, settings: CycleSet
         found = turning_points(turning.angle_rad, hysteresis * turning.swing_rad)
         if len(found) < 2 * _EVEN_PAIRS or (seen and len(found) == len(seen[0][1])):
             continue
-        pairs = stroke_pairs(motion, turning, found)
-        grouping = group((pairs, stroke_pairs(motion, turning, found.without_first())))
+        pairs, shifted = (stroke_pairs(motion, turning, f.first(MAX_POINTS)) for f in (found, found.without_first()))
+        grouping = group((pairs, shifted))
         seen.append((hysteresis, found, grouping, pairs))
         if abs(_between(found, grouping.pairs) / length - 1.0) <= _SAME_PERIOD:
             break  # both agree: smaller peaks would change nothing
@@ -166,7 +169,11 @@ def _settled(motion: Motion, period: Period, smooth_s: float, settings: CycleSet
     between = _between(found, k)
     if abs(between / length - 1.0) <= _SAME_PERIOD:
         return _Settled(period, k if k > 1 else 0, hysteresis, grouping.possible)
-    even = grouping.spread <= _EVEN_SPREAD and not lasts_go_round(pairs, max(round(length / between), 2))
+    even = (
+        between < length
+        and grouping.spread <= _EVEN_SPREAD
+        and not lasts_go_round(pairs, max(round(length / between), 2))
+    )
     if k == 1 and not even:
         return _Settled(period, possible=grouping.possible)
     seconds = between / motion.rate_hz
@@ -174,8 +181,20 @@ def _settled(motion: Motion, period: Period, smooth_s: float, settings: CycleSet
 
 
 def _between(found: TurningPoints, pairs: int) -> float:
-    """Return the median distance between turning points so many pairs of strokes apart, grid points."""
-    return float(np.median(found.points[2 * pairs :] - found.points[: -2 * pairs]))
+    """Return the median distance of turning points so many pairs of strokes apart, pauses left out, grid points."""
+    distances = found.points[2 * pairs :] - found.points[: -2 * pairs]
+    return float(np.median(distances[distances <= _PAUSED * np.percentile(distances, 25)]))
+
+
+def _spread(result: CycleAnalysis, motion: Motion, turning: AxisAngle, found: TurningPoints) -> float:
+    """Return how far neighbouring cycles of the scored run are from each other, in swings; infinite for too few."""
+    points = result.endpoints
+    if len(points) < 2:
+        return float("inf")
+    first, last = ((points[k].time_s - motion.start_s) * motion.rate_hz for k in (0, -1))
+    margin = 0.6 * (last - first) / (len(points) - 1)
+    found = found.between(first - margin, last + margin).first(MAX_POINTS)
+    return min(spread(stroke_pairs(motion, turning, part)) for part in (found, found.without_first()))
 
 
 def _axis(motion: Motion, period: Period, smooth_s: float, settings: CycleSettings) -> AxisAngle:
@@ -234,6 +253,7 @@ def _with_endpoints(
             -_count_near(c.endpoints, like_s, 0.25 * period.seconds),
             min(moved) > 0.0 and _moved_by_swing(c) > min(moved),
             -len(c.endpoints),
+            sum(LONG_DWELL in point.flags for point in c.endpoints),
             c.endpoints[0].time_s if c.endpoints else np.inf,
         ),
     )
@@ -244,7 +264,8 @@ def _with_endpoints(
         left_out=tuple(sorted(left_out, key=lambda item: item.time_s)),
         peaks_per_cycle=peaks,
     )
-    result = with_verdict(result, motion, turning, samples, period)
+    apart = _spread(result, motion, turning, found)
+    result = with_verdict(result, motion, turning, samples, period, apart)
     if not settled.possible or not result.valid:
         return result
     seconds = period.seconds * settled.possible / max(settled.pairs, 1)
@@ -285,11 +306,15 @@ def _turning_points(
     period = settled.period
     length = period.seconds * motion.rate_hz
     if settled.pairs:
-        found = turning_points(turning.angle_rad, settled.hysteresis * turning.swing_rad)
-        if settled.pairs == 1:
-            return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
-        label = kinds(stroke_pairs(motion, turning, found), settled.pairs)
-        return one_a_cycle(found, turning.angle_rad, label, settled.pairs, length), settled.pairs
+        # About the axis of the right period the range of motion is another one, and so are the peaks that pass.
+        for hysteresis, pairs in itertools.product((settled.hysteresis, 0.5 * settled.hysteresis), (settled.pairs, 1)):
+            found = turning_points(turning.angle_rad, hysteresis * turning.swing_rad)
+            if len(found) <= 2 * pairs or abs(_between(found, pairs) / length - 1.0) > _ALMOST_PERIOD:
+                continue
+            if pairs == 1:
+                return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
+            label = kinds(stroke_pairs(motion, turning, found), pairs)
+            return one_a_cycle(found, turning.angle_rad, label, pairs, length), pairs
     found = turning_points(turning.angle_rad, settings.hysteresis * turning.swing_rad)
     spacing = _spacing(found) / length
     if len(spacing) == 0:
@@ -300,7 +325,7 @@ def _turning_points(
     if low <= np.median(spacing) <= high and np.mean(spacing < low) < 0.2:
         return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
     if period.confidence < settings.sure_confidence and _even_swings(found, turning.angle_rad, settings):
-        return found, 0
+        return found, int(np.median(spacing) > 1.0)  # longer ones have pauses in them
     starts = locked_cycles(axis_speeds(motion, turning.angle_rad, settings.speed_limit), round(length))
     if len(starts) < 2:
         return found, 1

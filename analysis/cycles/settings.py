@@ -11,6 +11,8 @@ from analysis.series import FloatArray
 
 AFTER_PAUSE = "after a pause"
 """Flag of an end point whose step lies across a pause."""
+LONG_DWELL = "long dwell"
+"""Flag of an end point at which the object stays much longer than at the others."""
 
 
 @dataclass(frozen=True)

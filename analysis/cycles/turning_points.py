@@ -25,6 +25,15 @@ class TurningPoints:
         """Return all but the first one."""
         return TurningPoints(self.points[1:], self.upper[1:])
 
+    def first(self, count: int) -> TurningPoints:
+        """Return the first ones."""
+        return TurningPoints(self.points[:count], self.upper[:count])
+
+    def between(self, first: float, last: float) -> TurningPoints:
+        """Return those between two grid points."""
+        inside = (self.points >= first) & (self.points <= last)
+        return TurningPoints(self.points[inside], self.upper[inside])
+
     def apart(self, spacing: float) -> TurningPoints:
         """Return those that follow the one before of their kind by this many grid points."""
         kept = np.ones(len(self), dtype=bool)

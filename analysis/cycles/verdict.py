@@ -17,9 +17,13 @@ from analysis.cycles.repetition import alternation, irregularity, likeness, rest
 from analysis.cycles.settings import AFTER_PAUSE, CycleAnalysis, CycleSettings
 from analysis.cycles.turning_points import turning_points
 from analysis.cycles.usable_samples import Samples
-from analysis.geometry import rotations
+from analysis.geometry import averages, rotations
 
 _ONE_WAY = 1.0 / 3.0  # net turn as a share of all turning
+_MAX_APART, _APART_A_STEP = 1.0 / 3.0, 0.06  # swings
+_MIN_STEP_SHARE = 0.9
+_MAX_SWING_DEG = 360.0
+_MAX_SCATTER = 1.0 / 3.0  # of steps about their mean, share of the swing
 _ALTERNATE, _MIN_ALTERNATING = -0.75, 8
 
 
@@ -53,7 +57,7 @@ def _swings(motion: Motion, settings: CycleSettings) -> int:
 
 
 def with_verdict(
-    result: CycleAnalysis, motion: Motion, turning: AxisAngle, samples: Samples, period: Period
+    result: CycleAnalysis, motion: Motion, turning: AxisAngle, samples: Samples, period: Period, apart: float
 ) -> CycleAnalysis:
     """Fill in ``reasons``, ``warnings``, ``likeness``, ``irregularity`` and the period of the end points.
 
@@ -68,7 +72,9 @@ def with_verdict(
     samples : Samples
         What they were measured from.
     period : Period
-        From the autocorrelation.
+        That the cycles were found with.
+    apart : float
+        Distance between neighbouring cycles, in swings; infinite where they are too few.
     """
     settings, points = result.settings, result.endpoints
     times_s = np.array([point.time_s for point in points])
@@ -83,6 +89,8 @@ def with_verdict(
         irregularity=irregularity(spacing_s, prominence) if len(points) >= 3 else 0.0,
     )
     reasons = _reasons(result, motion, turning, any_tempo=any_tempo)
+    if not reasons:
+        reasons += _not_claimable(result, apart)
     warnings = _warnings(result, period)
     let_go = _grasp_and_release(result, motion)
     one_motion = result.likeness > settings.sure_likeness and result.axis_share >= settings.min_axis_share
@@ -136,6 +144,30 @@ def _reasons(result: CycleAnalysis, motion: Motion, turning: AxisAngle, *, any_t
         reasons.append(
             f"cycles do not repeat: spacing and swing vary by {result.irregularity:.0%}, "
             f"at most {settings.max_irregularity:.0%}"
+        )
+    return reasons
+
+
+def _not_claimable(result: CycleAnalysis, apart: float) -> list[str]:
+    """Return why a mean of these steps would claim nothing, alike in rhythm as the cycles may be."""
+    points, reasons = result.endpoints, []
+    if result.swing_deg > _MAX_SWING_DEG:
+        reasons.append(f"a swing of {result.swing_deg:.0f}°, more than a full turn: is the unit of the angles right?")
+    # Few cycles of a random motion are alike by chance. Peaks that differ and go round in the same order are not, and
+    # whoever chooses a window has seen cycles.
+    sure = result.window is not None or result.peaks_per_cycle > 1
+    limit = _MAX_APART if sure else min(_MAX_APART, _APART_A_STEP * max(len(points) - 3, 1))
+    if np.isfinite(apart) and apart > limit:
+        reasons.append(f"cycles do not repeat: each differs from the next by {apart:.0%} of the swing")
+    quats = np.array([point.quat_wxyz for point in points])
+    steps = rotations.difference(quats[1:], quats[:-1])
+    mean, share = averages.average_and_share(steps)
+    if share < _MIN_STEP_SHARE:
+        reasons.append(f"the steps do not agree: top eigenvalue share {share:.2f}, needs {_MIN_STEP_SHARE}")
+    scatter_deg, swing_deg = float(np.degrees(rotations.distance(steps, mean).mean())), result.swing_deg
+    if scatter_deg > _MAX_SCATTER * swing_deg:
+        reasons.append(
+            f"the object does not come back: steps scatter by {scatter_deg:.1f}°, the swing is {swing_deg:.1f}°"
         )
     return reasons
 
