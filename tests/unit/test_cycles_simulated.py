@@ -140,14 +140,23 @@ def test_putting_the_object_in_place_is_left_out_with_the_reason():
     assert any("held 7." in item.reason and not item.primary for item in found.left_out)
 
 
-def test_a_pause_splits_the_trial_into_runs():
+def test_a_pause_in_which_the_phase_goes_on_ends_no_run():
     trial = simulate(cycles=12, pause_after=7, pause_s=9.0)
     found = find_cycles(trial.series)
-    assert [len(run.endpoints) for run in found.runs] == [7, 5]
-    assert [run.scored for run in found.runs] == [True, False]
-    assert len(found.endpoints) == 7
-    assert found.runs[1].start_s == pytest.approx(trial.endpoint_s[7], abs=0.01)
-    assert any("2 runs" in warning for warning in found.warnings)
+    assert found.valid, found.reasons
+    assert [point.time_s for point in found.endpoints] == pytest.approx(trial.endpoint_s, abs=0.01)
+    assert [k for k, point in enumerate(found.endpoints) if "after a pause" in point.flags] == [7]
+    assert found.period_s == pytest.approx(4.0, abs=0.01)
+    assert any("steps across a pause" in warning for warning in found.warnings)
+
+
+def test_a_run_ends_where_part_of_a_cycle_is_unseen():
+    """Two cycles without samples: a step across them would be one of three cycles."""
+    trial = simulate(cycles=14)
+    found = find_cycles(with_gaps(trial, (trial.endpoint_s[6], 9.0)))
+    assert found.valid, found.reasons
+    assert [run.scored for run in found.runs] == [False, True]
+    assert not any("after a pause" in point.flags for run in found.runs for point in run.endpoints)
 
 
 @pytest.mark.parametrize("window", [(12.0, 33.0), (13.0, 33.0), (13.1, 32.9)])
