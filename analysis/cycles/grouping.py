@@ -37,6 +37,7 @@ _POSSIBLE_SHARE, _POSSIBLE_CHANCE = 0.5, 0.005
 _SHARE_TRIED = 0.2
 _WAYS = 3
 """Ways in which pairs differ: leading principal components."""
+_ROUNDING = 1e-9
 _ORDERS = 4000
 _SHIFT_COST = 10.0
 """Cost of a pair that is not the next of its cycle, in squared distances between pairs of one kind."""
@@ -235,7 +236,9 @@ def _goes_round(values: FloatArray, k: int) -> tuple[float, float]:
     if n < max(_FINE_PAIRS, 2 * k + 1):
         return 0.0, 1.0
     scores, sizes, _ = np.linalg.svd(values, full_matrices=False)
-    scores = scores[:, :_WAYS][:, sizes[:_WAYS] > 1e-9]
+    scores = scores[:, :_WAYS][:, sizes[:_WAYS] > _ROUNDING]
+    if scores.shape[1] == 0:
+        return 0.0, 1.0
     counts = np.array([len(range(kind, n, k)) for kind in range(k)])
 
     def shares(order: IntArray) -> FloatArray:

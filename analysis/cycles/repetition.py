@@ -10,6 +10,7 @@ from analysis.series import BoolArray, FloatArray
 
 _PHASES = 48
 _MAX_CYCLES = 2000
+_ROUNDING = 1e-9
 _MIN_TREND, _TREND_CHANCE, _MIN_SLOPE = 5, 0.005, 0.01
 
 
@@ -113,7 +114,11 @@ def swing_trend(prominence: FloatArray) -> float:
 
 
 def alternation(steps: FloatArray) -> float:
-    """Return the lag-1 correlation of (n, 3) rotation vectors about their mean: near −1 where they come and go."""
+    """Return the lag-1 correlation of (n, 3) rotation vectors about their mean: near −1 where they come and go.
+
+    It is 0 where all are the same, as far as rounding lets them.
+    """
     apart = steps - steps.mean(axis=0)
     power = float(np.einsum("ij,ij->", apart, apart))
-    return float(np.einsum("ij,ij->", apart[1:], apart[:-1])) / power if power > 0.0 else 0.0
+    least = _ROUNDING * float(np.einsum("ij,ij->", steps, steps))
+    return float(np.einsum("ij,ij->", apart[1:], apart[:-1])) / power if power > least else 0.0

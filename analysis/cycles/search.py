@@ -2,9 +2,9 @@
 
 The steps, in order: angular velocity on an even grid (:mod:`analysis.cycles.motion`); the active part; the period
 (:mod:`analysis.cycles.period`); the motion axis and the angle about it (:mod:`analysis.cycles.axis`); its turning
-points (:mod:`analysis.cycles.turning_points`), by a template where a cycle has several peaks
-(:mod:`analysis.cycles.template`); end points in the middle of their dwell, gates at the ends only, runs
-(:mod:`analysis.cycles.endpoints`).
+points (:mod:`analysis.cycles.turning_points`); how many strokes between them make a cycle, which may correct the period
+(:mod:`analysis.cycles.strokes`, :mod:`analysis.cycles.grouping`); end points in the middle of their dwell, gates at the
+ends only, runs (:mod:`analysis.cycles.endpoints`).
 Irregular cycles inside a trial are kept and flagged, never dropped: a slip is what the benchmark measures.
 """
 
@@ -18,13 +18,12 @@ import numpy as np
 
 from analysis.cycles.axis import AxisAngle, motion_axis
 from analysis.cycles.endpoints import Extremes, gate_ends, measure, split_runs, with_flags
-from analysis.cycles.grouping import MAX_POINTS, Grouping, group, kinds, lasts_go_round, one_a_cycle, spread
+from analysis.cycles.grouping import MAX_PAIRS, MAX_POINTS, Grouping, group, kinds, lasts_go_round, one_a_cycle, spread
 from analysis.cycles.motion import Motion, angular_velocity
 from analysis.cycles.period import Period, confidence_at, search_period
 from analysis.cycles.repetition import swing_trend
 from analysis.cycles.settings import LONG_DWELL, CycleAnalysis, CycleSettings, Endpoint, LeftOut, Run
 from analysis.cycles.strokes import StrokePairs, stroke_pairs
-from analysis.cycles.template import axis_speeds, locked_cycles, template_turning_points
 from analysis.cycles.turning_points import NONE_FOUND, TurningPoints, turning_points, without_short_pairs
 from analysis.cycles.usable_samples import Samples
 from analysis.cycles.verdict import why_no_period, with_verdict
@@ -326,11 +325,11 @@ def _turning_points(
         return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
     if period.confidence < settings.sure_confidence and _even_swings(found, turning.angle_rad, settings):
         return found, int(np.median(spacing) > 1.0)  # longer ones have pauses in them
-    starts = locked_cycles(axis_speeds(motion, turning.angle_rad, settings.speed_limit), round(length))
-    if len(starts) < 2:
-        return found, 1
-    peaks = max(round(1.0 / float(np.median(spacing))), 1)
-    return template_turning_points(turning.angle_rad, starts, round(length)), peaks
+    pairs = min(round(1.0 / float(np.median(spacing))), MAX_PAIRS)
+    if pairs <= 1:
+        return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
+    label = kinds(stroke_pairs(motion, turning, found), pairs)
+    return one_a_cycle(found, turning.angle_rad, label, pairs, length), pairs
 
 
 def _spacing(found: TurningPoints) -> IntArray:

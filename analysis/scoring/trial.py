@@ -16,6 +16,7 @@ import numpy.typing as npt
 from msgspec.structs import replace
 
 from analysis.cycles.search import CycleAnalysis, Endpoint, Run, find_cycles
+from analysis.cycles.settings import AFTER_PAUSE
 from analysis.geometry import rotations
 from analysis.scoring.card import rotation_drift
 from analysis.scoring.choice import EndpointChoice
@@ -114,8 +115,8 @@ def score_series(
             f"fewer than {MIN_CYCLES} cycles: {len(points)} end points, {MIN_CYCLES + 1} make {MIN_CYCLES} cycles"
             + (f", and {len(left_out)} cycles are left out" if left_out else "")
         )
-    times_s = np.array([point.time_s for point in points])
-    period_s = float(np.median(np.diff(times_s))) if len(points) > 1 else selection.cycles.period_s
+    unbroken = [b.time_s - a.time_s for a, b in pairwise(points) if AFTER_PAUSE not in b.flags]
+    period_s = float(np.median(unbroken)) if unbroken else selection.cycles.period_s
     result = Result(
         format=RESULT_FORMAT,
         theta_bar_deg=None,

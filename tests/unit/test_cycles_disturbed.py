@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from analysis.cycles.motion import Motion
 from analysis.cycles.search import find_cycles
-from analysis.cycles.template import axis_speeds, locked_cycles
 from analysis.series import OrientationSeries
 from tests.simulated_motion import Trial, cosine, simulate, theta_bar_deg, trapezoid, triangle, two_humps
 
@@ -67,21 +66,6 @@ def test_short_strokes_of_uneven_tempo_keep_their_own_period(seed):
     found = find_cycles(trial.series)
     assert found.period_s == pytest.approx(4.5, rel=0.06)
     assert len(found.endpoints) >= 5
-
-
-def test_a_template_does_not_lock_on_to_rest():
-    """The speed across the axis is never below zero: less its mean, one rest was exactly like the next."""
-    cycle = np.sin(4.0 * np.pi * np.arange(200) / 200.0) * (1.0 + 0.2 * np.sin(2.0 * np.pi * np.arange(200) / 200.0))
-    omega = np.zeros((3000, 3))
-    omega[:2000, 0] = np.tile(cycle, 10)
-    omega[:2000, 1] = np.tile(np.roll(cycle, 50), 10)
-    angle = np.concatenate(([0.0], np.cumsum(omega[:, 0] / 100.0)))
-    motion = Motion(0.0, 100.0, omega, np.linalg.norm(omega, axis=1), 1e-3)
-    starts = locked_cycles(axis_speeds(motion, angle, 3.0), 200)
-    whole = starts[(starts >= 0) & (starts <= 1800)]
-    assert len(whole) >= 9
-    assert set(np.diff(whole)) == {200}
-    assert (starts < 2000).all()
 
 
 def test_limited_speed_keeps_directions_and_slow_motion():

@@ -8,12 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from analysis.cycles.axis import motion_axis
 from analysis.cycles.endpoints import pose_jumps
-from analysis.cycles.motion import Motion, angular_velocity
+from analysis.cycles.motion import angular_velocity
 from analysis.cycles.online.peaks import PeakFilter
 from analysis.cycles.period import find_period, vector_autocorrelation
-from analysis.cycles.repetition import irregularity, likeness, rests
+from analysis.cycles.repetition import alternation, irregularity, likeness, rests, swing_trend
 from analysis.cycles.settings import Endpoint
-from analysis.cycles.template import axis_speeds, locked_cycles, template_turning_points
 from analysis.cycles.turning_points import dwell, swings, turning_points, without_short_pairs
 from analysis.cycles.usable_samples import Samples, lone_outliers, sample_noise_rad
 from analysis.series import OrientationSeries
@@ -126,21 +125,6 @@ def test_dwell_of_a_plateau_is_its_middle():
     assert dwell(angle, 150, 120, 180, 1.0) == (120.0, 180.0)
 
 
-def test_a_template_locks_on_to_cycles_of_its_own_shape():
-    shape = np.sin(2.0 * np.pi * np.arange(100) / 100.0) + np.sin(4.0 * np.pi * np.arange(100) / 100.0 + 0.5)
-    omega = np.zeros((1300, 3))
-    omega[150:1150, 0] = np.tile(shape, 10)
-    angle = np.concatenate(([0.0], np.cumsum(omega[:, 0] / 100.0)))
-    speed = np.linalg.norm(omega, axis=1)
-    starts = locked_cycles(axis_speeds(Motion(0.0, 100.0, omega, speed, 1e-3), angle, 2.0), 100)
-    assert np.unique(np.diff(starts)).tolist() == [100]
-    found = template_turning_points(angle, starts, 100)
-    cycle = angle[150:250]
-    points, upper = found.points[2:-2], found.upper[2:-2]  # the gates see to what lies before and after the motion
-    assert set((points[upper] - 150) % 100) == {int(np.argmax(cycle))}
-    assert set((points[~upper] - 150) % 100) <= {int(np.argmin(cycle)), 0, 99}
-
-
 @pytest.mark.parametrize("noise_deg", [0.02, 0.5])
 def test_sample_noise_is_measured(noise_deg):
     series = simulate(noise_deg=noise_deg, rate_hz=200.0).series
@@ -217,3 +201,21 @@ def test_a_pattern_of_peaks_is_believed_after_four_cycles_and_given_up_when_it_b
     for k in range(16, 32):
         filter_.add(point(float(k)), 1.0, 1.0)
     assert filter_.per_cycle == 1
+
+
+def test_a_steady_trend_of_the_swing_and_none_in_scatter():
+    cycle = np.arange(12)
+    assert swing_trend(30.0 * 0.97**cycle) == pytest.approx(-0.03)
+    assert swing_trend(30.0 * 1.05**cycle) == pytest.approx(0.05)
+    assert swing_trend(30.0 * 1.002**cycle) == 0.0  # steady, but hardly a change
+    rng = np.random.default_rng(5)
+    scattered = [swing_trend(30.0 * (1.0 + 0.1 * rng.uniform(-1.0, 1.0, 12))) for _ in range(400)]
+    assert np.count_nonzero(scattered) <= 8  # chance 0.005 each
+
+
+def test_steps_that_alternate_correlate_with_the_next():
+    axis = np.array([0.0, 0.6, 0.8])
+    alternating = np.where(np.arange(20) % 2, 0.01, 0.05)[:, None] * axis
+    assert alternation(alternating) == pytest.approx(-0.95)  # one product less than squares
+    assert abs(alternation(np.random.default_rng(2).normal(size=(4000, 3)))) < 0.05
+    assert alternation(np.tile(axis, (9, 1))) == 0.0
