@@ -107,10 +107,15 @@ def swing_trend(prominence: FloatArray) -> float:
     n = len(prominence)
     if n < _MIN_TREND or not np.all(prominence > 0.0):
         return 0.0
-    from scipy import stats  # slow to import
+    from scipy import special  # slow to import
 
-    line = stats.linregress(np.arange(n), np.log(prominence))
-    return float(np.expm1(line.slope)) if line.pvalue < _TREND_CHANCE and abs(line.slope) >= _MIN_SLOPE else 0.0
+    row, logs = np.arange(n) - 0.5 * (n - 1), np.log(prominence / prominence.mean())
+    power = float(row @ row)
+    slope = float(row @ logs) / power
+    left = logs - logs.mean() - slope * row
+    error = np.sqrt(float(left @ left) / (n - 2) / power)
+    chance = 2.0 * float(special.stdtr(n - 2, -abs(slope) / max(error, 1e-12)))
+    return float(np.expm1(slope)) if chance < _TREND_CHANCE and abs(slope) >= _MIN_SLOPE else 0.0
 
 
 def alternation(steps: FloatArray) -> float:

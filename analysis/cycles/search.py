@@ -23,7 +23,7 @@ from analysis.cycles.motion import Motion, angular_velocity
 from analysis.cycles.period import Period, confidence_at, search_period
 from analysis.cycles.repetition import swing_trend
 from analysis.cycles.settings import LONG_DWELL, CycleAnalysis, CycleSettings, Endpoint, LeftOut, Run
-from analysis.cycles.strokes import StrokePairs, stroke_pairs
+from analysis.cycles.strokes import StrokePairs, strokes
 from analysis.cycles.turning_points import NONE_FOUND, TurningPoints, turning_points, without_short_pairs
 from analysis.cycles.usable_samples import Samples
 from analysis.cycles.verdict import why_no_period, with_verdict
@@ -38,6 +38,8 @@ _SMALL_GRID = 1_000_000  # costs nothing, however empty
 _LEVELS = (1.0, 0.5)
 """Hysteresis of the strokes that are grouped, shares of the usual one: small peaks pass the second alone."""
 _SAME_PERIOD, _ALMOST_PERIOD = 0.1, 0.2
+_JUDGED_PERIODS = 250
+"""Strokes are compared in the first so many cycles: as many as make any motion clear."""
 _PAUSED = 1.6
 """A cycle that lasts so many times as long as the shorter ones has a pause in it."""
 _EVEN_SPREAD = 0.15
@@ -56,6 +58,8 @@ class _Settled:
     """At which the strokes were found, share of the range of motion."""
     possible: int = 0
     """Another number of pairs that cannot be ruled out; 0 where there is none."""
+    turning: AxisAngle | None = None
+    """About the motion axis, where it is that of this period and of all motion."""
 
 
 def find_cycles(
@@ -148,33 +152,37 @@ def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples, like_s: Sequ
 
 def _settled(motion: Motion, period: Period, smooth_s: float, settings: CycleSettings) -> _Settled:
     """Ask the strokes how many of them make a cycle, where the autocorrelation has found a period."""
-    turning = _axis(motion, period, smooth_s, settings)
     length = period.seconds * motion.rate_hz
+    head = motion.part(0, int(_JUDGED_PERIODS * length))
+    turning = _axis(head, period, smooth_s, settings)
+    whole = turning if len(head.omega) == len(motion.omega) else None
+    motion = head
     seen: list[tuple[float, TurningPoints, Grouping, StrokePairs]] = []
     for level in _LEVELS:
         hysteresis = level * settings.hysteresis
         found = turning_points(turning.angle_rad, hysteresis * turning.swing_rad)
         if len(found) < 2 * _EVEN_PAIRS or (seen and len(found) == len(seen[0][1])):
             continue
-        pairs, shifted = (stroke_pairs(motion, turning, f.first(MAX_POINTS)) for f in (found, found.without_first()))
-        grouping = group((pairs, shifted))
+        of_motion = strokes(motion, turning, found.first(MAX_POINTS))
+        pairs = of_motion.pairs()
+        grouping = group((pairs, of_motion.pairs(1)))
         seen.append((hysteresis, found, grouping, pairs))
         if abs(_between(found, grouping.pairs) / length - 1.0) <= _SAME_PERIOD:
             break  # both agree: smaller peaks would change nothing
     if not seen:
-        return _Settled(period)
+        return _Settled(period, turning=whole)
     hysteresis, found, grouping, pairs = min(seen, key=lambda way: way[2].nearness)
     k = grouping.pairs
     between = _between(found, k)
     if abs(between / length - 1.0) <= _SAME_PERIOD:
-        return _Settled(period, k if k > 1 else 0, hysteresis, grouping.possible)
+        return _Settled(period, k if k > 1 else 0, hysteresis, grouping.possible, whole)
     even = (
         between < length
         and grouping.spread <= _EVEN_SPREAD
         and not lasts_go_round(pairs, max(round(length / between), 2))
     )
     if k == 1 and not even:
-        return _Settled(period, possible=grouping.possible)
+        return _Settled(period, possible=grouping.possible, turning=whole)
     seconds = between / motion.rate_hz
     return _Settled(Period(seconds, confidence_at(motion, seconds, settings)), k, hysteresis, grouping.possible)
 
@@ -192,8 +200,8 @@ def _spread(result: CycleAnalysis, motion: Motion, turning: AxisAngle, found: Tu
         return float("inf")
     first, last = ((points[k].time_s - motion.start_s) * motion.rate_hz for k in (0, -1))
     margin = 0.6 * (last - first) / (len(points) - 1)
-    found = found.between(first - margin, last + margin).first(MAX_POINTS)
-    return min(spread(stroke_pairs(motion, turning, part)) for part in (found, found.without_first()))
+    near = strokes(motion, turning, found.between(first - margin, last + margin).first(MAX_POINTS))
+    return min(spread(near.pairs()), spread(near.pairs(1)))
 
 
 def _axis(motion: Motion, period: Period, smooth_s: float, settings: CycleSettings) -> AxisAngle:
@@ -222,8 +230,9 @@ def _with_endpoints(
     smooth_s: float,
     like_s: Sequence[float],
 ) -> CycleAnalysis:
-    settings, period = nothing.settings, settled.period
-    turning = _axis(motion, period, smooth_s, settings)
+    settings, period, turning = nothing.settings, settled.period, settled.turning
+    if turning is None or len(turning.angle_rad) != len(motion.omega) + 1:
+        turning = _axis(motion, period, smooth_s, settings)
     swing_deg = float(np.degrees(turning.swing_rad))
     result = replace(
         nothing,
@@ -273,7 +282,7 @@ def _with_endpoints(
     if len(alternative.endpoints) < 2:
         return result
     both = " or ".join(f"{way.period_s:.2f} s with θ̄ {way.theta_bar_deg:.2f}°" for way in (result, alternative))
-    return replace(result, alternative=alternative, warnings=(*result.warnings, f"two periods are possible: {both}"))
+    return replace(result, warnings=(*result.warnings, f"two periods are possible: {both}"))
 
 
 def _moved_by_swing(result: CycleAnalysis) -> float:
@@ -312,7 +321,7 @@ def _turning_points(
                 continue
             if pairs == 1:
                 return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
-            label = kinds(stroke_pairs(motion, turning, found), pairs)
+            label = kinds(strokes(motion, turning, found).pairs(), pairs)
             return one_a_cycle(found, turning.angle_rad, label, pairs, length), pairs
     found = turning_points(turning.angle_rad, settings.hysteresis * turning.swing_rad)
     spacing = _spacing(found) / length
@@ -328,7 +337,7 @@ def _turning_points(
     pairs = min(round(1.0 / float(np.median(spacing))), MAX_PAIRS)
     if pairs <= 1:
         return without_short_pairs(found, turning.angle_rad, 0.5 * length), 1
-    label = kinds(stroke_pairs(motion, turning, found), pairs)
+    label = kinds(strokes(motion, turning, found).pairs(), pairs)
     return one_a_cycle(found, turning.angle_rad, label, pairs, length), pairs
 
 

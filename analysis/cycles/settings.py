@@ -215,8 +215,6 @@ class CycleAnalysis:
     """Turning points left out, with the reason."""
     peaks_per_cycle: int = 1
     """Turning points of one kind per cycle; above 1 one of them ends the cycle, always the same."""
-    alternative: CycleAnalysis | None = None
-    """The same motion with another period that cannot be ruled out."""
 
     @property
     def valid(self) -> bool:

@@ -21,10 +21,6 @@ class TurningPoints:
     def __len__(self) -> int:
         return len(self.points)
 
-    def without_first(self) -> TurningPoints:
-        """Return all but the first one."""
-        return TurningPoints(self.points[1:], self.upper[1:])
-
     def first(self, count: int) -> TurningPoints:
         """Return the first ones."""
         return TurningPoints(self.points[:count], self.upper[:count])
