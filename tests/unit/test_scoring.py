@@ -137,11 +137,23 @@ def test_chosen_times_inside_a_gap_are_refused(trial):
 
 
 def test_every_run_is_reported():
-    score = score_series(simulate(trapezoid, cycles=14, pause_after=5, pause_s=9.0, lead_s=6.0).series)
+    """A cycle and a half without samples: no step lies across them."""
+    full = simulate(trapezoid, cycles=14, lead_s=6.0)
+    seen = np.abs(full.series.times_s - full.endpoint_s[5]) > 3.0
+    series = OrientationSeries(full.series.times_s[seen], full.series.quats_wxyz[seen], full.series.index[seen])
+    score = score_series(series)
     runs = score.to_json()["cycles"]["runs"]
     assert [run["scored"] for run in runs] == [False, True]
     assert [run["theta_bar_deg"] for run in runs] == pytest.approx([0.8, 0.8], abs=0.02)
     assert runs[1]["theta_bar_deg"] == pytest.approx(score.theta_bar_deg, abs=1e-12)
+
+
+def test_a_pause_between_cycles_is_no_part_of_the_period():
+    score = score_series(simulate(trapezoid, cycles=8, pause_after=3, pause_s=9.0).series)
+    assert score.n_endpoints == 8
+    assert score.period_s == pytest.approx(4.0, abs=0.01)
+    assert score.theta_bar_deg == pytest.approx(0.8, abs=0.02)
+    assert [k for k, point in enumerate(score.endpoints) if "after a pause" in point.flags] == [3]
 
 
 def test_chosen_end_points_outside_the_recording(trial):
