@@ -13,6 +13,7 @@ from analysis.cycles.online.detector import OnlineCycleDetector
 from analysis.cycles.search import find_cycles
 from analysis.cycles.settings import Endpoint
 from analysis.series import OrientationSeries
+from benchmarks.regimes import draw
 from tests.simulated_motion import cosine, from_rotation_vectors, sawtooth, simulate, trapezoid, two_humps
 from tests.waiting import SLOW_S
 
@@ -200,3 +201,12 @@ def test_memory_and_time_per_sample_stay_small():
     assert time.process_time() - started < SLOW_S
     half = len(sizes) // 2
     assert max(sizes[half:]) < 1.05 * max(sizes[:half])  # the ring of moments is full by then
+
+
+@pytest.mark.parametrize("seed", range(2000, 2005))
+def test_a_tremor_before_the_first_cycle_makes_no_end_points(seed):
+    """8 Hz, 1° from top to bottom, for seconds before the motion: faster than any cycle, and never a part of one."""
+    series = draw("tremor of 8 Hz", seed).series
+    _, known = follow(series, chunk=16)
+    times_s = np.array([point.time_s for point in find_cycles(series).endpoints])
+    assert [point.time_s for point, _ in known] == pytest.approx(times_s, abs=0.15)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import replace
 from statistics import median
@@ -14,6 +15,7 @@ from analysis.cycles.settings import CycleSettings, Endpoint
 
 _KEPT = 12  # end points remembered for the live view
 _USUAL_OF = 6  # the usual swing and distance are medians of so many
+_TREMOR_RAD = math.radians(1.5)
 _MAX_EARLY = 6  # so many extremes at the start may be movement before the first cycle
 
 
@@ -85,7 +87,11 @@ class KnownCycles:
         """
         settings = self._settings
         before = (self.first_rad or 0.0, *self._swings_rad)
-        if len(before) < _MAX_EARLY and 0.0 < max(before) < settings.hysteresis * travel_rad:
+        # Neither the first few extremes nor any number of a tremor need be of a cycle: it is faster than any, or hardly
+        # large enough to be seen as turning.
+        tremor = 0.0 < self.period_s < settings.min_period_s or max(before) < _TREMOR_RAD
+        early = len(before) < _MAX_EARLY or tremor
+        if early and 0.0 < max(before) < settings.hysteresis * travel_rad:
             self._start_over()  # what came before was movement before the first cycle
         if self._swings_rad and not settings.swing[0] <= travel_rad / self.swing_rad() <= settings.swing[1]:
             endpoint = replace(endpoint, flags=(*endpoint.flags, "odd swing"))
