@@ -28,7 +28,7 @@ MAX_POINTS = 2 * _JUDGED + 2
 _CLEAR = 0.45
 """Largest distance a multiple of k apart, share of the smallest of the others."""
 _CLEAR_CHANCE, _NO_CHANCE = 0.02, 0.05
-_OBVIOUS = 0.2
+OBVIOUS = 0.2
 """So much smaller that no other order of the pairs need be tried: few pairs have few orders."""
 _APART = 0.06
 """Distance that is one: less is how a hand repeats itself, in swings."""
@@ -216,7 +216,7 @@ def _is_clear(distances: FloatArray, k: int) -> bool:
     nearness = _nearness(distances, k)
     if nearness > _CLEAR:
         return False
-    if nearness <= _OBVIOUS:
+    if nearness <= OBVIOUS:
         return True
     near, far = _split(distances, _orders(len(distances), _ORDERS // 10), k)
     return float(np.mean(near <= nearness * far)) <= _CLEAR_CHANCE

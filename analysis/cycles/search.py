@@ -18,7 +18,17 @@ import numpy as np
 
 from analysis.cycles.axis import AxisAngle, motion_axis
 from analysis.cycles.endpoints import Extremes, gate_ends, measure, split_runs, with_flags
-from analysis.cycles.grouping import MAX_PAIRS, MAX_POINTS, Grouping, group, kinds, lasts_go_round, one_a_cycle, spread
+from analysis.cycles.grouping import (
+    MAX_PAIRS,
+    MAX_POINTS,
+    OBVIOUS,
+    Grouping,
+    group,
+    kinds,
+    lasts_go_round,
+    one_a_cycle,
+    spread,
+)
 from analysis.cycles.motion import Motion, angular_velocity
 from analysis.cycles.period import Period, confidence_at, search_period
 from analysis.cycles.repetition import swing_trend
@@ -38,6 +48,7 @@ _SMALL_GRID = 1_000_000  # costs nothing, however empty
 _LEVELS = (1.0, 0.5)
 """Hysteresis of the strokes that are grouped, shares of the usual one: small peaks pass the second alone."""
 _SAME_PERIOD, _ALMOST_PERIOD = 0.1, 0.2
+_NEARLY_EXACT = 0.95
 _JUDGED_PERIODS = 250
 """Strokes are compared in the first so many cycles: as many as make any motion clear."""
 _PAUSED = 1.6
@@ -174,6 +185,11 @@ def _settled(motion: Motion, period: Period, smooth_s: float, settings: CycleSet
     hysteresis, found, grouping, pairs = min(seen, key=lambda way: way[2].nearness)
     k = grouping.pairs
     between = _between(found, k)
+    # Where cycles of the shorter period repeat nearly exactly, kinds that are not obvious must repeat better still.
+    if k > 1 and grouping.nearness > OBVIOUS and period.confidence >= _NEARLY_EXACT and between > 1.5 * length:
+        better = confidence_at(motion, between / motion.rate_hz, settings) - period.confidence
+        if better < 0.5 * (1.0 - period.confidence):
+            return _Settled(period, hysteresis=hysteresis, possible=k, turning=whole)
     if abs(between / length - 1.0) <= _SAME_PERIOD:
         return _Settled(period, k if k > 1 else 0, hysteresis, grouping.possible, whole)
     even = (

@@ -21,6 +21,7 @@ from analysis.geometry import averages, rotations
 
 _ONE_WAY = 1.0 / 3.0  # net turn as a share of all turning
 _MAX_APART, _APART_A_STEP = 1.0 / 3.0, 0.06  # swings
+_ALIKE = 0.97  # likeness
 _MIN_STEP_SHARE = 0.9
 _MAX_SWING_DEG = 360.0
 _MAX_SCATTER = 1.0 / 3.0  # of steps about their mean, share of the swing
@@ -153,9 +154,9 @@ def _not_claimable(result: CycleAnalysis, apart: float) -> list[str]:
     points, reasons = result.endpoints, []
     if result.swing_deg > _MAX_SWING_DEG:
         reasons.append(f"a swing of {result.swing_deg:.0f}°, more than a full turn: is the unit of the angles right?")
-    # Few cycles of a random motion are alike by chance. Peaks that differ and go round in the same order are not, and
-    # whoever chooses a window has seen cycles.
-    sure = result.window is not None or result.peaks_per_cycle > 1
+    # Few cycles of a random motion are alike by chance, but not as alike as a hand makes them. Peaks that differ and go
+    # round in the same order are no chance, and whoever chooses a window has seen cycles.
+    sure = result.window is not None or result.peaks_per_cycle > 1 or result.likeness >= _ALIKE
     limit = _MAX_APART if sure else min(_MAX_APART, _APART_A_STEP * max(len(points) - 3, 1))
     if np.isfinite(apart) and apart > limit:
         reasons.append(f"cycles do not repeat: each differs from the next by {apart:.0%} of the swing")
