@@ -1,7 +1,7 @@
 """Motion of many kinds with a known answer: wrong periods, refused trials, random motions taken for a trial.
 
 ``python -m benchmarks.regimes [TRIALS] [--first SEED] [--only REGIME ...]``: so many seeded trials of each regime (80),
-a row each. Figures are given for seeds that nobody looked at while the search was written: from 1000 on.
+a row each. Figures are given for seeds that no number of the search was chosen by: from 3000 on.
 
 The regimes are written from words alone (one, two and three peaks a cycle, uneven tempo, decay, pauses, tremor, a
 wandering axis, swings of 1.5 to 340°, 20 Hz to 2 kHz), independent of the emulator and of the search for cycles:

@@ -5,8 +5,8 @@ every k-th pair is alike where k make a cycle, and those between are not. Two te
 
 * clear: pairs that are a multiple of k apart lie much nearer to each other than all others. A pair too many or too few,
   from a slip or a pause, spoils few of these distances.
-* fine: where all pairs are nearly alike, whether the few ways in which they do differ go round with k, more than they
-  do in any other order of the same pairs.
+* fine: where all pairs are nearly alike, whether the few ways in which they do differ recur every k pairs, more than in
+  any other order of the same pairs.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def group(starting: tuple[StrokePairs, StrokePairs]) -> Grouping:
         return found
     # From either turning point on, the pairs are the same strokes: what is there must show in both.
     for k in range(2, MAX_PAIRS + 1):
-        shares, chances = zip(*(_goes_round(each, k) for each in shapes), strict=True)
+        shares, chances = zip(*(_recurrence(each, k) for each in shapes), strict=True)
         if max(shares) < _POSSIBLE_SHARE or min(chances) > _POSSIBLE_CHANCE or max(chances) > _NO_CHANCE:
             continue
         if k == 2 and max(shares) >= _FINE_SHARE and min(chances) <= _FINE_CHANCE:
@@ -92,12 +92,12 @@ def spread(pairs: StrokePairs) -> float:
     return _spread(_distances(_without_trend(pairs.shapes[:_JUDGED])), 1)
 
 
-def lasts_go_round(pairs: StrokePairs, k: int) -> bool:
-    """Return whether the time that strokes take goes round with k pairs, where their shapes may not."""
+def durations_recur(pairs: StrokePairs, k: int) -> bool:
+    """Return whether the time that strokes take recurs every k pairs, where their shapes may not."""
     durations = _without_trend(pairs.durations[:_JUDGED])
     if len(durations) <= 2 * k:
         return False
-    return _goes_round(durations, k)[1] <= _NO_CHANCE
+    return _recurrence(durations, k)[1] <= _NO_CHANCE
 
 
 def kinds(pairs: StrokePairs, k: int) -> IntArray:
@@ -230,8 +230,8 @@ def _orders(n: int, count: int) -> IntArray:
     return np.random.default_rng(0).permuted(np.tile(np.arange(n), (count, 1)), axis=1)
 
 
-def _goes_round(values: FloatArray, k: int) -> tuple[float, float]:
-    """Return the largest share of any way in which pairs differ that goes round with k, and its chance in any order."""
+def _recurrence(values: FloatArray, k: int) -> tuple[float, float]:
+    """Return the largest share of any way in which pairs differ that recurs every k pairs, and its chance in any order."""
     n = len(values)
     if n < max(_FINE_PAIRS, 2 * k + 1):
         return 0.0, 1.0

@@ -25,7 +25,7 @@ from analysis.cycles.grouping import (
     Grouping,
     group,
     kinds,
-    lasts_go_round,
+    durations_recur,
     one_a_cycle,
     spread,
 )
@@ -60,7 +60,7 @@ _EVEN_PAIRS = 4
 
 @dataclass(frozen=True)
 class _Settled:
-    """The period after the strokes have been asked."""
+    """The period that the strokes confirm or correct."""
 
     period: Period
     pairs: int = 0
@@ -162,7 +162,7 @@ def _find(nothing: CycleAnalysis, motion: Motion, samples: Samples, like_s: Sequ
 
 
 def _settled(motion: Motion, period: Period, smooth_s: float, settings: CycleSettings) -> _Settled:
-    """Ask the strokes how many of them make a cycle, where the autocorrelation has found a period."""
+    """Count how many strokes make a cycle, where the autocorrelation has found a period, and confirm or correct it."""
     length = period.seconds * motion.rate_hz
     head = motion.part(0, int(_JUDGED_PERIODS * length))
     turning = _axis(head, period, smooth_s, settings)
@@ -195,7 +195,7 @@ def _settled(motion: Motion, period: Period, smooth_s: float, settings: CycleSet
     even = (
         between < length
         and grouping.spread <= _EVEN_SPREAD
-        and not lasts_go_round(pairs, max(round(length / between), 2))
+        and not durations_recur(pairs, max(round(length / between), 2))
     )
     if k == 1 and not even:
         return _Settled(period, possible=grouping.possible, turning=whole)

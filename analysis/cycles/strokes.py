@@ -1,4 +1,4 @@
-"""Strokes between turning points in pairs, there and back, each in one form: what tells how many pairs make a cycle.
+"""Strokes between turning points in pairs, there and back, each in one form: what shows how many pairs make a cycle.
 
 Neither tempo, nor rests, nor drift may matter when pairs are compared, so each runs over equal phases of its strokes,
 starts at zero, and is divided by the swing.

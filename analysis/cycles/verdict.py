@@ -154,8 +154,8 @@ def _not_claimable(result: CycleAnalysis, apart: float) -> list[str]:
     points, reasons = result.endpoints, []
     if result.swing_deg > _MAX_SWING_DEG:
         reasons.append(f"a swing of {result.swing_deg:.0f}°, more than a full turn: is the unit of the angles right?")
-    # Few cycles of a random motion are alike by chance, but not as alike as a hand makes them. Peaks that differ and go
-    # round in the same order are no chance, and whoever chooses a window has seen cycles.
+    # Few cycles of a random motion are alike by chance, but not as alike as a hand makes them. Peaks that differ and
+    # recur in the same order are no chance, and whoever chooses a window has seen cycles.
     sure = result.window is not None or result.peaks_per_cycle > 1 or result.likeness >= _ALIKE
     limit = _MAX_APART if sure else min(_MAX_APART, _APART_A_STEP * max(len(points) - 3, 1))
     if np.isfinite(apart) and apart > limit:
