@@ -231,7 +231,7 @@ def _orders(n: int, count: int) -> IntArray:
 
 
 def _recurrence(values: FloatArray, k: int) -> tuple[float, float]:
-    """Return the largest share of any way in which pairs differ that recurs every k pairs, and its chance in any order."""
+    """Return the largest share of a way in which pairs differ that recurs every k pairs, and the chance of it."""
     n = len(values)
     if n < max(_FINE_PAIRS, 2 * k + 1):
         return 0.0, 1.0

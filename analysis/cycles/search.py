@@ -23,9 +23,9 @@ from analysis.cycles.grouping import (
     MAX_POINTS,
     OBVIOUS,
     Grouping,
+    durations_recur,
     group,
     kinds,
-    durations_recur,
     one_a_cycle,
     spread,
 )

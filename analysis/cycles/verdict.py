@@ -157,7 +157,9 @@ def _not_claimable(result: CycleAnalysis, apart: float) -> list[str]:
     # Few cycles of a random motion are alike by chance, but not as alike as a hand makes them. Peaks that differ and
     # recur in the same order are no chance, and whoever chooses a window has seen cycles.
     sure = result.window is not None or result.peaks_per_cycle > 1 or result.likeness >= _ALIKE
-    limit = _MAX_APART if sure else min(_MAX_APART, _APART_A_STEP * max(len(points) - 3, 1))
+    # Where tempo hides the period, the cycles must be alike all the more.
+    most = _MAX_APART * (1.0 if result.period_confidence >= result.settings.sure_confidence else 0.5)
+    limit = _MAX_APART if sure else min(most, _APART_A_STEP * max(len(points) - 3, 1))
     if np.isfinite(apart) and apart > limit:
         reasons.append(f"cycles do not repeat: each differs from the next by {apart:.0%} of the swing")
     quats = np.array([point.quat_wxyz for point in points])
