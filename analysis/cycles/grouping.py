@@ -39,7 +39,7 @@ _WAYS = 3
 """Ways in which pairs differ: leading principal components."""
 _ROUNDING = 1e-9
 _ORDERS = 4000
-_SHIFT_COST = 10.0
+_SHIFT_COST = 6.0
 """Cost of a pair that is not the next of its cycle, in squared distances between pairs of one kind."""
 
 
