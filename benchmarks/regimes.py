@@ -102,7 +102,7 @@ REGIMES: dict[str, Regime] = {
     "swing of 150 to 340°": replace(PLAIN, swing_deg=(150.0, 340.0)),
     "20 Hz": replace(PLAIN, rate_hz=(20.0,), period_s=(2.0, 8.0)),
     "1 to 2 kHz": replace(PLAIN, rate_hz=(1000.0, 2000.0), period_s=(1.0, 3.0), cycles=(5, 10)),
-    "much drift": replace(PLAIN, drift_deg=(2.0, 5.0), scatter_deg=(0.3, 1.0)),
+    "much drift": replace(PLAIN, drift_deg=(2.0, 5.0), scatter_deg=(0.3, 1.0), swing_deg=(20.0, 60.0)),
     "pose noise": replace(PLAIN, pose_noise_deg=0.5),
     "two equal peaks (ambiguous)": replace(PLAIN, peaks=(1.0, 1.0), across=(0.0, 0.0), size=0.0, judged=False),
 }

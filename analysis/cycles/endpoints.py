@@ -101,7 +101,18 @@ def measure(
     whole &= np.all((travel[:-1, 1:] <= settings.swing[1]) & (travel[1:, :1] <= settings.swing[1]), axis=1)
     whole &= np.diff(chosen[kept]) == 2
     whole &= ~samples.have_gaps(times_s[kept[:-1]], times_s[kept[1:]], max_gap_s)
+    whole &= _as_far_as_one(motion, times_s[kept], settings)
     return Extremes(endpoints, travel, whole, refused)
+
+
+def _as_far_as_one(motion: Motion, times_s: FloatArray, settings: CycleSettings) -> BoolArray:
+    """Return (k − 1,) whether the object turns as far between each moment and the next as in one cycle.
+
+    A pause is rest. Where turning points were missed, the object turns on instead, as far as in two cycles.
+    """
+    path = np.concatenate(([0.0], np.cumsum(rotations.row_lengths(motion.omega) * (motion.speed > motion.threshold))))
+    turned = np.diff(np.interp(times_s, motion.times_s, path))
+    return np.asarray(turned <= settings.swing[1] * np.median(turned)) if len(turned) else np.ones(0, dtype=bool)
 
 
 def split_runs(extremes: Extremes, period_s: float, settings: CycleSettings) -> list[slice]:

@@ -27,7 +27,7 @@ MAX_POINTS = 2 * _JUDGED + 2
 """Turning points of so many pairs."""
 _CLEAR = 0.45
 """Largest distance a multiple of k apart, share of the smallest of the others."""
-_CLEAR_CHANCE, _NO_CHANCE = 0.02, 0.05
+_SURE_CHANCE, _CLEAR_CHANCE, _NO_CHANCE = 0.01, 0.02, 0.05
 OBVIOUS = 0.2
 """So much smaller that no other order of the pairs need be tried: few pairs have few orders."""
 _APART = 0.06
@@ -72,8 +72,11 @@ def group(starting: tuple[StrokePairs, StrokePairs]) -> Grouping:
     found = Grouping(1, 1.0, min(_spread(each, 1) for each in distances))
     for k in range(2, MAX_PAIRS + 1):
         nearness = min((_nearness(each, k) for each in distances if len(each) > 2 * k), default=np.inf)
-        if nearness < found.nearness and nearness <= _CLEAR and any(_is_clear(each, k) for each in distances):
-            found = Grouping(k, nearness, min(_spread(each, k) for each in distances))
+        if nearness < found.nearness and nearness <= _CLEAR:
+            clear, sure = _is_clear(distances, k)
+            if clear:
+                spread_k = min(_spread(each, k) for each in distances)
+                found = Grouping(k, nearness, spread_k, possible=0 if sure else 1)
     if found.pairs > 1:
         return found
     # From either turning point on, the pairs are the same strokes: what is there must show in both.
@@ -210,16 +213,27 @@ def _nearness(distances: FloatArray, k: int) -> float:
     return float(near / far) if far >= _APART else np.inf
 
 
-def _is_clear(distances: FloatArray, k: int) -> bool:
-    if len(distances) <= 2 * k:
-        return False
-    nearness = _nearness(distances, k)
-    if nearness > _CLEAR:
-        return False
-    if nearness <= OBVIOUS:
-        return True
-    near, far = _split(distances, _orders(len(distances), _ORDERS // 10), k)
-    return float(np.mean(near <= nearness * far)) <= _CLEAR_CHANCE
+def _is_clear(distances: list[FloatArray], k: int) -> tuple[bool, bool]:
+    """Return whether pairs k apart are nearer than others, as few orders of them are, and whether that is sure.
+
+    Sizes that vary at random alternate by chance now and then, seen from one of the two turning points. From the other
+    one the pairs are the same strokes: what is not obvious must show there as well, if less.
+    """
+    long_enough = [each for each in distances if len(each) > 2 * k]
+    nearness = [_nearness(each, k) for each in long_enough]
+    if min(nearness) <= OBVIOUS:
+        return True, True
+    chances = [_chance(each, k) for each in long_enough]
+    clear = any(near <= _CLEAR and chance <= _CLEAR_CHANCE for near, chance in zip(nearness, chances, strict=True))
+    return clear and max(chances) <= _NO_CHANCE, max(chances) <= _SURE_CHANCE
+
+
+def _chance(distances: FloatArray, k: int) -> float:
+    """Return the share of other orders of the pairs in which those k apart are as near to each other."""
+    n = len(distances)
+    near, far = _split(distances, np.arange(n), k)
+    other_near, other_far = _split(distances, _orders(n, _ORDERS // 10), k)
+    return float(np.mean(other_near * far <= near * other_far))
 
 
 def _spread(distances: FloatArray, k: int) -> float:

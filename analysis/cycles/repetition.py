@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.cycles.motion import Motion
+from analysis.geometry import averages, rotations
 from analysis.geometry.rotations import row_lengths
 from analysis.series import BoolArray, FloatArray
 
@@ -127,3 +128,22 @@ def alternation(steps: FloatArray) -> float:
     power = float(np.einsum("ij,ij->", apart, apart))
     least = _ROUNDING * float(np.einsum("ij,ij->", steps, steps))
     return float(np.einsum("ij,ij->", apart[1:], apart[:-1])) / power if power > least else 0.0
+
+
+def agreement(steps: FloatArray, swing_rad: float) -> float:
+    """Return how far steps agree with each other: 1 where all are one rotation, below 0.9 where a mean claims little.
+
+    The share of the largest eigenvalue of the card's matrix M, its angles taken in units of half the swing: the mean
+    cos² of each step's distance from the mean step in swings, at most a quarter turn. As M stands, the share depends on
+    how far the motion goes: poses that scatter by a third of the swing give 0.997 for a swing of 20° and 0.4 for 300°.
+    A share of 0.9 is a scatter (root mean square) of a third of the swing.
+
+    Parameters
+    ----------
+    steps : array of float
+        (n, 4) step rotations, n ≥ 1.
+    swing_rad : float
+        Range of motion, rad.
+    """
+    apart = rotations.distance(steps, averages.average(steps)) / max(swing_rad, 1e-12)
+    return float(np.mean(np.cos(np.minimum(apart, 0.5 * np.pi)) ** 2))

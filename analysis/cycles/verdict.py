@@ -13,18 +13,18 @@ import numpy as np
 from analysis.cycles.axis import AxisAngle
 from analysis.cycles.motion import Motion
 from analysis.cycles.period import Period
-from analysis.cycles.repetition import alternation, irregularity, likeness, rests, swing_trend
+from analysis.cycles.repetition import agreement, alternation, irregularity, likeness, rests, swing_trend
 from analysis.cycles.settings import AFTER_PAUSE, CycleAnalysis, CycleSettings
 from analysis.cycles.turning_points import turning_points
 from analysis.cycles.usable_samples import Samples
-from analysis.geometry import averages, rotations
+from analysis.geometry import rotations
 
 _ONE_WAY = 1.0 / 3.0  # net turn as a share of all turning
 _MAX_APART, _APART_A_STEP = 1.0 / 3.0, 0.06  # swings
-_ALIKE = 0.97  # likeness
-_MIN_STEP_SHARE = 0.9
+_SIMILAR = 0.97  # likeness
+_MIN_AGREEMENT = 0.9  # top eigenvalue share, angles in units of half the swing
 _MAX_SWING_DEG = 360.0
-_MAX_SCATTER = 1.0 / 3.0  # of steps about their mean, share of the swing
+_MAX_STEP = 1.0 / 3.0  # mean, swings
 _ALTERNATE, _MIN_ALTERNATING = -0.75, 8
 
 
@@ -150,29 +150,41 @@ def _reasons(result: CycleAnalysis, motion: Motion, turning: AxisAngle, *, any_t
 
 
 def _not_claimable(result: CycleAnalysis, apart: float) -> list[str]:
-    """Return why a mean of these steps would claim nothing, alike in rhythm as the cycles may be."""
-    points, reasons = result.endpoints, []
-    if result.swing_deg > _MAX_SWING_DEG:
-        reasons.append(f"a swing of {result.swing_deg:.0f}°, more than a full turn: is the unit of the angles right?")
-    # Few cycles of a random motion are alike by chance, but not as alike as a hand makes them. Peaks that differ and
-    # recur in the same order are no chance, and whoever chooses a window has seen cycles.
-    sure = result.window is not None or result.peaks_per_cycle > 1 or result.likeness >= _ALIKE
-    # Where tempo hides the period, the cycles must be alike all the more.
-    most = _MAX_APART * (1.0 if result.period_confidence >= result.settings.sure_confidence else 0.5)
-    limit = _MAX_APART if sure else min(most, _APART_A_STEP * max(len(points) - 3, 1))
-    if np.isfinite(apart) and apart > limit:
+    """Return why a mean of these steps would claim nothing, however regular their rhythm."""
+    points, swing_deg, reasons = result.endpoints, result.swing_deg, []
+    if swing_deg > _MAX_SWING_DEG:
+        reasons.append(f"a swing of {swing_deg:.0f}°, more than a full turn: is the unit of the angles right?")
+    if np.isfinite(apart) and apart > _most_apart(result):
         reasons.append(f"cycles do not repeat: each differs from the next by {apart:.0%} of the swing")
     quats = np.array([point.quat_wxyz for point in points])
     steps = rotations.difference(quats[1:], quats[:-1])
-    mean, share = averages.average_and_share(steps)
-    if share < _MIN_STEP_SHARE:
-        reasons.append(f"the steps do not agree: top eigenvalue share {share:.2f}, needs {_MIN_STEP_SHARE}")
-    scatter_deg, swing_deg = float(np.degrees(rotations.distance(steps, mean).mean())), result.swing_deg
-    if scatter_deg > _MAX_SCATTER * swing_deg:
+    mean_step_deg = float(np.degrees(rotations.angle(steps).mean()))
+    if mean_step_deg > _MAX_STEP * swing_deg:
         reasons.append(
-            f"the object does not come back: steps scatter by {scatter_deg:.1f}°, the swing is {swing_deg:.1f}°"
+            f"the object does not come back: the mean step is {mean_step_deg:.1f}°, the swing {swing_deg:.1f}°, "
+            "of which a third is the most that can be claimed"
         )
+    share = agreement(steps, np.radians(swing_deg))
+    if share < _MIN_AGREEMENT:
+        reasons.append(f"the steps do not agree: top eigenvalue share {share:.2f}, needs {_MIN_AGREEMENT}")
     return reasons
+
+
+def _most_apart(result: CycleAnalysis) -> float:
+    """Return how far neighbouring cycles may be from each other, in swings.
+
+    Few cycles of a random motion are similar by chance, but not as similar as a hand makes them: the fewer cycles, and
+    the less the autocorrelation shows of a period, the nearer to each other they must be. Peaks that differ and recur
+    in the same order are no chance, and whoever chooses a window has seen cycles.
+    """
+    if result.window is not None or result.peaks_per_cycle > 1:
+        return _MAX_APART
+    similar = result.likeness >= _SIMILAR
+    shown = result.period_confidence >= result.settings.sure_confidence
+    if similar and shown:
+        return _MAX_APART
+    a_step = _APART_A_STEP if similar or shown else 0.5 * _APART_A_STEP
+    return min(_MAX_APART, a_step * max(len(result.endpoints) - 3, 1))
 
 
 def _warnings(result: CycleAnalysis, period: Period) -> list[str]:

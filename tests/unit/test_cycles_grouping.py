@@ -6,12 +6,15 @@ import re
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import analysis
 from analysis.cycles.grouping import Grouping, group, kinds, one_a_cycle
+from analysis.cycles.repetition import agreement
 from analysis.cycles.search import find_cycles
 from analysis.cycles.strokes import StrokePairs
 from analysis.cycles.turning_points import turning_points
+from benchmarks import simulated_trials
 from benchmarks.regimes import RANDOM, draw, random_motion
 from tests.simulated_motion import from_rotation_vectors, simulate
 
@@ -122,6 +125,44 @@ def test_a_swing_beyond_a_full_turn_is_not_valid():
     found = find_cycles(simulate(swing_deg=700.0, period_s=8.0).series)
     assert not found.valid
     assert any("more than a full turn" in reason for reason in found.reasons)
+
+
+@pytest.mark.parametrize("swing_deg", [15.0, 100.0])
+@pytest.mark.parametrize("scatter", [0.0, 0.15, 0.6])
+def test_steps_agree_or_not_whatever_the_size_of_the_swing(swing_deg, scatter):
+    """The eigenvalue share of the card's matrix alone would pass anything small, and little that is large."""
+    rng = np.random.default_rng(3)
+    apart = np.radians(scatter * swing_deg) * rng.normal(size=(400, 3)) / np.sqrt(3.0)
+    share = agreement(Rotation.from_rotvec(apart).as_quat(scalar_first=True), np.radians(swing_deg))
+    assert share == pytest.approx(np.exp(-(scatter**2)), abs=0.03)
+
+
+def test_one_slip_does_not_make_steps_disagree():
+    steps = np.zeros((10, 3))
+    steps[4] = np.radians(12.0)
+    assert agreement(Rotation.from_rotvec(steps).as_quat(scalar_first=True), np.radians(20.0)) > 0.9
+
+
+def test_a_mean_step_of_more_than_a_third_of_the_swing_claims_nothing():
+    found = find_cycles(simulate(swing_deg=20.0, drift_deg=6.0).series)
+    assert found.valid, found.reasons
+    found = find_cycles(simulate(swing_deg=20.0, drift_deg=7.5).series)
+    assert any("the mean step is 7.5°, the swing 19" in reason for reason in found.reasons)
+
+
+@pytest.mark.parametrize("seed", [711, 771])
+def test_sizes_that_alternate_by_chance_leave_both_periods_possible(seed):
+    trial = simulated_trials.draw(seed)
+    found = find_cycles(trial.series)
+    (both,) = [warning for warning in found.warnings if "two periods are possible" in warning]
+    assert f"{trial.period_s:.2f} s with θ̄" in both
+
+
+def test_turning_points_that_were_missed_make_no_pause():
+    """The motion axis is ambiguous and hides one cycle; the object turns on meanwhile, it does not rest."""
+    found = find_cycles(simulated_trials.draw(231).series)
+    assert np.diff([point.time_s for point in found.endpoints]).max() < 1.3 * found.period_s
+    assert not any("pause" in warning for warning in found.warnings)
 
 
 def test_steps_that_scatter_by_a_third_of_the_swing_claim_nothing():
