@@ -1,4 +1,4 @@
-"""From turning points to end points: place, orientation, gates at the ends, runs."""
+"""From turning points to end points: place, orientation, runs, flags."""
 
 from __future__ import annotations
 
@@ -121,69 +121,6 @@ def split_runs(extremes: Extremes, period_s: float, settings: CycleSettings) -> 
     cuts = 1 + np.flatnonzero((np.diff(times_s) > settings.pause * period_s) & ~extremes.goes_on)
     edges = [0, *cuts.tolist(), len(times_s)]
     return [slice(a, b) for a, b in itertools.pairwise(edges) if b > a]
-
-
-def gate_ends(
-    extremes: Extremes, run: slice, period_s: float, settings: CycleSettings, *, any_tempo: bool = False
-) -> tuple[slice, list[LeftOut]]:
-    """Leave out idle poses and irregular cycles at the two ends of a run; the inside is never touched.
-
-    Parameters
-    ----------
-    extremes : Extremes
-        All extremes of one kind.
-    run : slice
-        Which of them.
-    period_s : float
-        Length of a cycle, s.
-    settings : CycleSettings
-        What is regular.
-    any_tempo : bool, optional
-        Tempo changes so much that the length of a cycle is judged by that of the next one.
-
-    Returns
-    -------
-    run, left_out
-        What remains, and what was taken off with the reason.
-    """
-    first, last = run.start, run.stop
-    left_out: list[LeftOut] = []
-    usual_dwell_s = float(np.median([point.dwell_s for point in extremes.endpoints[run]]))
-    times_s = [point.time_s for point in extremes.endpoints]
-
-    def usual_s(inner: int, further: int) -> float:
-        return abs(times_s[further] - times_s[inner]) if any_tempo and last - first >= 3 else period_s
-
-    while last - first >= 2 and (
-        why := _irregular(extremes, first, first + 1, usual_s(first + 1, first + 2), usual_dwell_s, settings)
-    ):
-        left_out.append(LeftOut(extremes.endpoints[first].time_s, f"first cycle: {why}", primary=False))
-        first += 1
-    while last - first >= 2 and (
-        why := _irregular(extremes, last - 1, last - 2, usual_s(last - 2, last - 3), usual_dwell_s, settings)
-    ):
-        left_out.append(LeftOut(extremes.endpoints[last - 1].time_s, f"last cycle: {why}", primary=False))
-        last -= 1
-    return slice(first, last), left_out
-
-
-def _irregular(
-    extremes: Extremes, end: int, inner: int, period_s: float, usual_dwell_s: float, settings: CycleSettings
-) -> str:
-    """Return why the extreme at an end of a run is not an end point; empty where it is one."""
-    points = extremes.endpoints
-    spacing = abs(points[inner].time_s - points[end].time_s) / period_s
-    outward, inward = extremes.inner_swing[end][[0, 1] if inner > end else [1, 0]].tolist()
-    if outward < settings.hysteresis:
-        return "the pose before the motion or after it"
-    if points[end].dwell_s > 2.0 * usual_dwell_s + 0.25 * period_s:
-        return f"idle pose, held {points[end].dwell_s:.2f} s"
-    paused = spacing > settings.pause and extremes.goes_on[min(inner, end)]
-    if not (paused or settings.spacing[0] <= spacing <= settings.spacing[1]):
-        return f"{spacing:.2f} periods from the next"
-    if not settings.swing[0] <= inward <= settings.swing[1]:
-        return f"swing of {inward:.2f} times the usual"
-    return ""
 
 
 def with_flags(extremes: Extremes, run: slice, period_s: float, settings: CycleSettings) -> tuple[Endpoint, ...]:

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.cycles.axis import AxisAngle, motion_axis
-from analysis.cycles.endpoints import Extremes, gate_ends, measure, split_runs, with_flags
+from analysis.cycles.endpoints import Extremes, measure, split_runs, with_flags
+from analysis.cycles.gates import gate_ends, leave_out_grasp
 from analysis.cycles.grouping import (
     MAX_PAIRS,
     MAX_POINTS,
@@ -166,8 +167,7 @@ def _settled(motion: Motion, period: Period, smooth_s: float, settings: CycleSet
     length = period.seconds * motion.rate_hz
     head = motion.part(0, int(_JUDGED_PERIODS * length))
     turning = _axis(head, period, smooth_s, settings)
-    whole = turning if len(head.omega) == len(motion.omega) else None
-    motion = head
+    whole, motion = turning if len(head.omega) == len(motion.omega) else None, head
     seen: list[tuple[float, TurningPoints, Grouping, StrokePairs]] = []
     for level in _LEVELS:
         hysteresis = level * settings.hysteresis
@@ -211,8 +211,7 @@ def _between(found: TurningPoints, pairs: int) -> float:
 
 def _spread(result: CycleAnalysis, motion: Motion, turning: AxisAngle, found: TurningPoints) -> float:
     """Return how far neighbouring cycles of the scored run are from each other, in swings; infinite for too few."""
-    points = result.endpoints
-    if len(points) < 2:
+    if len(points := result.endpoints) < 2:
         return float("inf")
     first, last = ((points[k].time_s - motion.start_s) * motion.rate_hz for k in (0, -1))
     margin = 0.6 * (last - first) / (len(points) - 1)
@@ -269,14 +268,14 @@ def _with_endpoints(
     ]
     # A swing that grows or shrinks moves the end points of at least one extreme as drift would.
     moved = [_moved_by_swing(candidate) for candidate in candidates]
-    # Primary is the extreme asked for; else the one that a changing swing moves less, or the one with more end points,
-    # and of as many the one that is reached first.
+    # Primary is the extreme asked for; else the one that a changing swing moves less, or the one with more end points
+    # (a grasp takes none away), and of as many the one that is reached first.
     primary, other = sorted(
         candidates,
         key=lambda c: (
             -_count_near(c.endpoints, like_s, 0.25 * period.seconds),
             min(moved) > 0.0 and _moved_by_swing(c) > min(moved),
-            -len(c.endpoints),
+            -len(c.endpoints) - sum(item.grasp for item in c.left_out),
             sum(LONG_DWELL in point.flags for point in c.endpoints),
             c.endpoints[0].time_s if c.endpoints else np.inf,
         ),
@@ -380,6 +379,8 @@ def _with_runs(result: CycleAnalysis, extremes: Extremes, period: Period) -> Cyc
         run, off = piece, list[LeftOut]()
         if window is None:
             run, off = gate_ends(extremes, piece, period_s, settings, any_tempo=any_tempo)
+            run, grasp = leave_out_grasp(extremes, run, settings)
+            off += grasp
         else:
             inside = [k for k in range(piece.start, piece.stop) if _inside(extremes.endpoints[k], window)]
             run = slice(inside[0], inside[-1] + 1) if inside else slice(0, 0)

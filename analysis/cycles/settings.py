@@ -157,6 +157,8 @@ class LeftOut:
     """Why, for people."""
     primary: bool
     """Whether it belongs to the extreme that is scored."""
+    grasp: bool = False
+    """Whether it is an extreme of the motion at which the hand takes hold of the object or lets go of it."""
 
 
 @dataclass(frozen=True, eq=False)
