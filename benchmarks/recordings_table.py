@@ -26,6 +26,7 @@ from analysis.cycles.search import CycleAnalysis, Endpoint, find_cycles
 from analysis.formats import read_series
 from analysis.geometry import rotations
 from analysis.scoring.card import rotation_drift
+from analysis.scoring.trial import score_series
 from analysis.series import FloatArray, OrientationSeries
 
 FOLDER = Path(os.environ.get("ROTDRIFT_RECORDINGS", Path(__file__).resolve().parents[2] / "shared" / "recordings"))
@@ -132,6 +133,21 @@ def agreement(name: str, series: OrientationSeries, reference: dict[str, object]
         theta_aligned_deg=rotation_drift(np.array(aligned)).theta_bar_deg,
         theta_authors_deg=float(str(reference["theta_bar_deg"])),
     )
+
+
+def automatic_rows() -> list[str]:
+    """Return the rows of the table on the benchmark page: θ̄ of the automatic window beside that of the authors."""
+    rows = []
+    for name, (series, reference) in recordings().items():
+        if reference is None:
+            continue
+        automatic, item = score_series(series), agreement(name, series, reference)
+        rows.append(
+            f"| {name.removesuffix('.csv')} | {automatic.theta_bar_deg:.3f}° ({automatic.n_endpoints}) "
+            f"| {item.theta_authors_deg:.3f}° ({item.authors}) "
+            f"| {(automatic.theta_bar_deg or 0.0) - item.theta_authors_deg:+.3f}° | {item.theta_deg:.3f}° |"
+        )
+    return rows
 
 
 def _nearest_quat(series: OrientationSeries, time_s: float) -> FloatArray:
@@ -310,6 +326,9 @@ def main(write: Callable[[str], object] = print) -> int:
     write("")
     for goal in table:
         write(f"{goal.mark:4} {goal.what:58}{goal.value:>12}   {goal.goal}")
+    write("\nθ̄ of the automatic window, of the authors, their difference, ours on the authors' cycles (end points):")
+    for line in automatic_rows():
+        write(line)
     outside = [item for item in agreed if not item.theta_close]
     for item in outside:
         write(
