@@ -15,7 +15,7 @@ from analysis.reporting.figure_set import NamedFigure
 from analysis.reporting.interactive import plotly_base64, scenes
 from analysis.reporting.tables import COLUMNS, pool
 from analysis.reporting.trial_report import TrialReport
-from analysis.scoring.summary import degrees, interval_text, trust_rows
+from analysis.scoring.summary import degrees, doubt_text, interval_text, trust_rows
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -93,6 +93,7 @@ def _trial_values(trial: TrialReport, figures: Sequence[NamedFigure]) -> dict[st
         "result": trial.result,
         "theta": degrees(trial.result.theta_bar_deg),
         "interval": interval_text(trial.result),
+        "doubt": doubt_text(trial.result),
         "verdict": wording.verdict(trial),
         "trust": trust_rows(trial.result),
         "scenes": found,

@@ -18,7 +18,7 @@ from analysis.reporting import style, wording
 from analysis.reporting.figure_set import NamedFigure
 from analysis.reporting.tables import COLUMNS, pool
 from analysis.reporting.trial_report import CardTable, TrialReport
-from analysis.scoring.summary import degrees, interval_text, trust_rows
+from analysis.scoring.summary import degrees, doubt_text, interval_text, trust_rows
 
 MISSING, NOT_GIVEN = "MISSING", "not given"
 WARNING, BAD, SCORE = "#8A5A00", "#B00020", "#9C4300"
@@ -103,6 +103,7 @@ def _trial(pages: Pages, trial: TrialReport) -> None:
         ends = interval_text(trial.result)
         period = "" if result.period_s is None else f", {result.period_s:.2f} s a cycle"
         interval = f"95 % interval {ends}°" if ends else "no interval from so few cycles"
+        interval += f", {doubt_text(result)}" if doubt_text(result) else ""
         pages.paragraph(f"{interval}; {result.n_endpoints} end points{period}")
     else:
         pages.paragraph("No score is claimed.", 14, colour=BAD, bold=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from analysis.reporting.trial_report import TrialReport
 from analysis.scoring.result import Result
-from analysis.scoring.summary import degrees
+from analysis.scoring.summary import degrees, doubt_text
 from analysis.series import OrientationSeries
 
 CARD_REFERENCE = "RAL-SI-2020-B19-0838.4-V1.0"
@@ -39,7 +39,8 @@ def verdict(trial: TrialReport) -> str:
     if not trial.result.valid:
         return "no score"
     warnings = len(trial.result.warnings)
-    return "valid" if not warnings else f"valid, {warnings} warning{'s' if warnings > 1 else ''}"
+    parts = ("valid", doubt_text(trial.result), f"{warnings} warning{'s' if warnings > 1 else ''}" if warnings else "")
+    return ", ".join(filter(None, parts))
 
 
 CYCLE_COLUMNS = ("end point", "sample", "time (s)", "step (°)", "dwell (s)", "flags")

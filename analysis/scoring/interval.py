@@ -27,6 +27,8 @@ MIN_STEPS = 4
 """Fewer steps make no interval: Hotelling's test needs more steps than dimensions."""
 MAX_CORRELATION = 0.6
 """The lag-1 correlation is not trusted beyond this: from a few steps it is mostly noise."""
+NO_DRIFT = "cannot be distinguished from no drift"
+"""What an interval that touches 0 means, in words."""
 SIGNIFICANCE = 0.05
 """p of Hotelling's test from which the lower end is 0."""
 

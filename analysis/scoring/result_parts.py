@@ -126,6 +126,11 @@ class ExcludedCycle(Part, frozen=True):
     step: int = -1
     """Number of its step, from 0; −1 before it is found among the scored ones."""
 
+    @classmethod
+    def numbered(cls, cycle: int, reason: str) -> ExcludedCycle:
+        """Return the cycle of a number, from 1, as tables show them: its end points are not known yet."""
+        return cls(math.nan, math.nan, reason, cycle - 1)
+
 
 class OtherExtreme(Part, frozen=True):
     """The same trial scored at the other turning point of the motion."""

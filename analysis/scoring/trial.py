@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -86,7 +87,8 @@ def score_series(
     preceding : sequence of array_like, optional
         End points (m, 4) of the motions that the authors' script worked through before this one.
     excluded : sequence of ExcludedCycle, optional
-        Cycles that a person left out: the step in which the middle of each lies is kept and flagged, but not counted.
+        Cycles that a person left out: the step in which the middle of each lies, or the one of its number where it
+        has one, is kept and flagged, but not counted.
     same_extreme : bool, optional
         In a window, stay at the extreme that the search chooses in the whole recording. Without it, the one with more
         end points in the window counts.
@@ -99,7 +101,8 @@ def score_series(
     Raises
     ------
     SeriesError
-        Chosen end points that are not in the recording, or a window outside it.
+        Chosen end points that are not in the recording, a window outside it, or a left-out cycle of a number that
+        there is not.
     """
     if endpoints is None:
         selection = _searched(series, window, same_extreme)
@@ -219,12 +222,12 @@ def _exclude(
     """Return end points with those of excluded cycles flagged, these cycles with their steps, and warnings."""
     flagged, found, warnings = list(points), {}, []
     for item in excluded:
-        # A person left it out while it was live: its ends have moved a little since, its middle still names it.
-        middle_s = 0.5 * (item.from_s + item.to_s)
-        step = next((k for k, (a, b) in enumerate(pairwise(points)) if a.time_s <= middle_s < b.time_s), None)
+        step = _numbered(item.step, points) if item.step >= 0 else _step_at(0.5 * (item.from_s + item.to_s), points)
         if step is None:
             warnings.append(f"the cycle left out at {item.to_s:.1f} s is none of those that are scored")
             continue
+        if math.isnan(item.from_s):
+            item = ExcludedCycle(points[step].time_s, points[step + 1].time_s, item.reason)
         found[step] = replace(item, step=step)
         flagged[step + 1] = replace(
             points[step + 1],
@@ -232,6 +235,21 @@ def _exclude(
             reason=item.reason or points[step + 1].reason,
         )
     return tuple(flagged), tuple(found[step] for step in sorted(found)), warnings
+
+
+def _step_at(middle_s: float, points: tuple[ScoredEndpoint, ...]) -> int | None:
+    """Return the step in which a moment lies; None where it lies in none.
+
+    Of a cycle that was left out while it was live the ends have moved a little since; its middle still names it.
+    """
+    return next((k for k, (a, b) in enumerate(pairwise(points)) if a.time_s <= middle_s < b.time_s), None)
+
+
+def _numbered(step: int, points: tuple[ScoredEndpoint, ...]) -> int:
+    if step < len(points) - 1:
+        return step
+    there = f"1 to {len(points) - 1}" if len(points) > 1 else "none"
+    raise SeriesError(f"there is no cycle {step + 1} to leave out: the cycles of this trial are {there}")
 
 
 def _own_time(series: OrientationSeries, window: tuple[float | None, float | None]) -> tuple[float, float]:

@@ -10,9 +10,10 @@ from msgspec.structs import replace
 from analysis.scoring.as_published import published_drift
 from analysis.scoring.card import RotationDrift, rotation_drift, translation_drift_mm
 from analysis.scoring.diagnostics import MIN_EIGENVALUE_SHARE, drift_diagnostics, drift_over_phase, positions_at
-from analysis.scoring.interval import drift_interval
+from analysis.scoring.interval import NO_DRIFT, drift_interval
 from analysis.scoring.result import Result, endpoint_quats
 from analysis.scoring.result_parts import Diagnostics, OtherExtreme, ScoredEndpoint, SensorShare, vector_of
+from analysis.scoring.slip import find_slip
 from analysis.sensor.baseline import StaticBaseline, baseline_from_holds
 from analysis.sensor.still_holds import still_holds
 from analysis.series import OrientationSeries
@@ -49,6 +50,7 @@ def with_figures(
     """
     quats = result.endpoint_quats_wxyz
     drift = rotation_drift(quats, [item.step for item in result.excluded_cycles])
+    slip = find_slip(drift)
     interval = drift_interval(drift.counted_step_rotations_wxyz)
     positions_m = positions_at(series, result.endpoint_times_s)
     companions = replace(
@@ -69,7 +71,7 @@ def with_figures(
         companions=companions,
         sensor=sensor,
         as_published=None if preceding is None else published_drift(quats, preceding),
-        warnings=(*result.warnings, *warnings),
+        warnings=(*result.warnings, *([] if slip is None else [slip.sentence]), *warnings),
     )
 
 
@@ -117,6 +119,8 @@ def _trust_warnings(
     for name, value in (("first", companions.without_first_deg), ("last", companions.without_last_deg)):
         if value is not None and max(value, theta) > _SENSITIVE * min(value, theta) and abs(value - theta) > 0.05:
             warnings.append(f"without the {name} end point θ̄ would be {value:.2f}° instead of {theta:.2f}°")
+    if companions.interval is not None and companions.interval.low_deg <= 0.0:
+        warnings.append(f"θ̄ {NO_DRIFT}: the interval touches 0")
     if companions.interval is None:
         warnings.append(f"{companions.n_steps} steps are too few for a confidence interval")
     if result.excluded_cycles:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from analysis.scoring.result import Result
+from analysis.scoring.summary import slip_of
 from host.capture.alarms import AlarmWatch
 from host.capture.guide import Guide
 from host.capture.operator_desk import OperatorDesk
@@ -65,8 +66,10 @@ class Snapshots:
 
 def finished_state(live: TrialState, score: Result) -> TrialState:
     """Return the last state with the result in place of the provisional figures, and what the difference is."""
+    slip = slip_of(score)
     result = replace(
         live.score,
+        slip="" if slip is None else slip.sentence,
         finished=True,
         theta_bar_deg=score.theta_bar_deg,
         interval_deg=score.interval_deg,
@@ -101,6 +104,7 @@ def _score_view(score: RunningScore) -> ScoreView:
         interval_deg=None if interval is None else (interval.low_deg, interval.high_deg),
         half_width_deg=None if interval is None else interval.half_width_deg,
         more_cycles=score.more_cycles,
+        slip=score.slip,
         origin_wxyz=score.origin_wxyz,
         window=score.window,
     )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
-    from host.results.arguments import add_read_arguments, add_window_arguments
+    from host.results.arguments import add_exclude_arguments, add_read_arguments, add_window_arguments
 
     parser = subparsers.add_parser(
         "report",
@@ -49,6 +49,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--endpoints", metavar="ROWS|FILE", help="end points chosen by hand (one trial only)")
     add_window_arguments(parser, " (one trial only)")
+    add_exclude_arguments(parser, " (one trial only)")
     parser.add_argument("--baseline", type=Path, metavar="FILE", help="static baseline of the sensor")
     add_read_arguments(parser)
 
@@ -79,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             "--endpoints, --from and --to are for one trial", "put NAME.endpoints.csv beside each recording instead"
         )
+    if len(args.trials) > 1 and args.exclude:
+        raise UsageError("--exclude is for one trial: each has cycles of its own", "report that trial alone")
     _refuse_existing(args.out, force=args.force)
     key = None if args.sign is None else _secret_key(args)
     sources = [_source(path, args) for path in args.trials]
@@ -93,13 +96,23 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
     from analysis.series import ReaderError
     from host.cards.files import find_cards
     from host.errors import UsageError
-    from host.results.arguments import window
+    from host.results.arguments import excluded, window
     from host.submission.source import Choices, load_source
 
     if not path.name:
         raise UsageError(f"{path} has no name of its own", "name the recording or the bag in full")
     start_s, end_s = _window_s(path, args)
-    choices = Choices(start_s, end_s, columns=args.columns, rate_hz=args.rate, topic=args.topic, node=args.node)
+    left_out = excluded(args.exclude, args.because)
+    choices = Choices(
+        start_s,
+        end_s,
+        excluded_cycles=tuple(item.step + 1 for item in left_out),
+        excluded_because=left_out[0].reason if left_out else "",
+        columns=args.columns,
+        rate_hz=args.rate,
+        topic=args.topic,
+        node=args.node,
+    )
     beside = path.with_suffix(".endpoints.csv")
     try:
         if args.endpoints:
@@ -181,6 +194,7 @@ def _write_signature(out: Path, data: bytes, manifest: str, key: SecretKey) -> N
 
 
 def _print(out: Path, built: BuiltSubmission, *, signed: bool) -> None:
+    from analysis.scoring.interval import NO_DRIFT
     from analysis.scoring.summary import degrees
     from host.output.lines import write_lines
     from host.submission.signature import signature_path
@@ -194,6 +208,7 @@ def _print(out: Path, built: BuiltSubmission, *, signed: bool) -> None:
             ends = ""
             if trial.interval_low_deg is not None:
                 ends = f" ({degrees(trial.interval_low_deg)} … {degrees(trial.interval_high_deg)})"
+                ends += f", {NO_DRIFT}" if trial.interval_low_deg <= 0.0 else ""
             lines.append(f"  {trial.id}: θ̄ = {trial.theta_bar_deg:.3f}°{ends}, {trial.n_endpoints} end points")
         else:
             lines.append(f"  {trial.id}: no score: {'; '.join(trial.reasons)}")

@@ -16,7 +16,7 @@ PLOT_FORMATS = (".png", ".svg", ".pdf")
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand and its arguments."""
-    from host.results.arguments import add_read_arguments, add_window_arguments
+    from host.results.arguments import add_exclude_arguments, add_read_arguments, add_window_arguments
 
     parser = subparsers.add_parser(
         "score",
@@ -40,6 +40,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="end points chosen by hand: rows (1175,1639), times (12.5s,17.1s), or a file",
     )
     add_window_arguments(parser)
+    add_exclude_arguments(parser)
     parser.add_argument(
         "--ignore-actions",
         action="store_true",
@@ -115,7 +116,12 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
     from host.results.csv_rows import results_csv
     from host.results.printout import print_batch
 
-    for name, value in (("--endpoints", args.endpoints), ("--plot", args.plot), ("--preceding", args.preceding)):
+    for name, value in (
+        ("--endpoints", args.endpoints),
+        ("--plot", args.plot),
+        ("--exclude", args.exclude),
+        ("--preceding", args.preceding),
+    ):
         if value:
             raise UsageError(f"{name} belongs to one recording, here are {len(files)}", "score that one alone")
     console = open_error_console()
@@ -186,7 +192,7 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions]:
     from analysis.series import ReaderError
     from host.errors import UsageError
     from host.results.any_file import ReadOptions
-    from host.results.arguments import window
+    from host.results.arguments import excluded, window
     from host.results.preceding import preceding_endpoints
     from host.results.result import ScoreOptions
 
@@ -201,6 +207,7 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions]:
         baseline=args.baseline,
         as_published=args.as_published or bool(args.preceding),
         honour_actions=not args.ignore_actions,
+        excluded=excluded(args.exclude, args.because),
         preceding=preceding_endpoints(args.preceding, reading),
         clock=args.json,
     )

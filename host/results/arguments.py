@@ -8,6 +8,7 @@ import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from analysis.scoring.result_parts import ExcludedCycle
     from host.results.window import Bound, Window
 
 
@@ -33,9 +34,49 @@ def add_window_arguments(parser: argparse.ArgumentParser, note: str = "") -> Non
     parser.add_argument("--to", dest="end", type=_parse_bound, metavar="S|MARKER", help=f"end of the window{note}")
 
 
+def add_exclude_arguments(parser: argparse.ArgumentParser, note: str = "") -> None:
+    """Declare cycles that are left out after the fact; ``note`` goes behind the help of the first."""
+    parser.add_argument(
+        "--exclude",
+        type=_parse_cycles,
+        action="extend",
+        default=[],
+        metavar="N[,N...]",
+        help=f"leave these cycles out, by the numbers in the table of cycles{note}",
+    )
+    parser.add_argument("--because", metavar="TEXT", help="why they are left out; it stands in the result")
+
+
+def excluded(cycles: list[int], because: str | None) -> tuple[ExcludedCycle, ...]:
+    """Return the cycles that the arguments leave out.
+
+    Raises
+    ------
+    UsageError
+        A reason without cycles, or cycles without one.
+    """
+    from analysis.scoring.result_parts import ExcludedCycle
+    from host.errors import UsageError
+    from host.text import plain
+    from host.trial.operator import MAX_TEXT
+
+    reason = plain((because or "").strip(), MAX_TEXT)
+    if bool(cycles) != bool(reason):
+        missing = "--because needs cycles" if reason else "left-out cycles need a reason"
+        raise UsageError(missing, "give both, e.g. --exclude 6 --because 'the table was bumped'")
+    return tuple(ExcludedCycle.numbered(cycle, reason) for cycle in sorted(set(cycles)))
+
+
 def window(start: Bound, end: Bound) -> Window | None:
     """Return the window that the arguments ask for; None where neither end was given."""
     return None if start is None and end is None else (start, end)
+
+
+def _parse_cycles(text: str) -> list[int]:
+    numbers = [part.strip() for part in text.split(",")]
+    if not all(re.fullmatch(r"[1-9][0-9]{0,6}", number) for number in numbers):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a valid list of cycles (6 or 6,9), which count from 1")
+    return [int(number) for number in numbers]
 
 
 def _parse_bound(text: str) -> float | str:

@@ -9,9 +9,11 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from analysis.scoring.interval import NO_DRIFT
 from analysis.scoring.recorded_parts import Losses
 from analysis.scoring.result import Result
 from analysis.scoring.result_parts import Diagnostics, PublishedDrift
+from analysis.scoring.summary import doubt_text
 from host.output.drawings import draw, open_console
 from host.results.batch import BatchRow
 from host.text import plain
@@ -56,7 +58,10 @@ def _headline(result: Result) -> Text:
         line = Text("no score", style="bold red")
         line.append(": " + "; ".join(plain(reason, 300) for reason in result.reasons), style="")
         return line
-    line = Text(f"rotation drift θ̄ = {result.theta_bar_deg:.3f}° per cycle", style="bold")
+    line = Text()
+    if doubt := doubt_text(result):  # above the number: that stays the last line, for whoever takes it from there
+        line.append(f"{doubt}: the interval touches 0\n", style="yellow")
+    line.append(f"rotation drift θ̄ = {result.theta_bar_deg:.3f}° per cycle", style="bold")
     if result.interval_deg is not None:
         low, high = result.interval_deg
         line.append(f"   95 % interval {low:.3f}° to {high:.3f}°", style="")
@@ -71,7 +76,7 @@ def _trust(result: Result, also: Sequence[tuple[str, str]]) -> Table:
     grid.add_column(overflow="fold")
     for name, value in _facts(result):
         grid.add_row(Text(name), Text(value))
-    shown = {"" if result.sensor is None else result.sensor.note}
+    shown = {"" if result.sensor is None else result.sensor.note, f"θ̄ {NO_DRIFT}: the interval touches 0"}
     for warning in (warning for warning in result.warnings if warning not in shown):
         grid.add_row(Text("note", style="yellow"), Text(plain(warning, 400)))
     for name, value in also:
@@ -247,6 +252,9 @@ def _render_batch(rows: Sequence[BatchRow], columns: Sequence[str]) -> Renderabl
         else:
             cells = _cells(result, result.theta_bar_deg)
             table.add_row(Text(name), *(cells[column] for column in columns))
+    doubtful = [plain(_tail(row.path), 200) for row in rows if row.result is not None and doubt_text(row.result)]
+    if doubtful:
+        reasons.append(Text(f"θ̄ {NO_DRIFT}: {', '.join(doubtful)}", style="yellow"))
     scored = sum(row.result is not None and row.result.theta_bar_deg is not None for row in rows)
     summary = Text(f"\n{scored} of {len(rows)} recordings scored; `rotdrift score FILE` shows more of one")
     return Group(table, *reasons, summary)

@@ -43,6 +43,8 @@ class ScoreOptions:
     """Also the benchmark authors' Euler figure."""
     honour_actions: bool = True
     """Whether the operator's trial window and left-out cycles count; end points or a window chosen here go before."""
+    excluded: tuple[ExcludedCycle, ...] = ()
+    """Cycles left out after the fact, by their numbers; they join those that the operator left out."""
     preceding: tuple[FloatArray, ...] = ()
     """End points (m, 4) of the motions that the authors' script worked through before, for their figure."""
     clock: bool = False
@@ -116,7 +118,7 @@ def score_plain(
         baseline=baseline,
         as_published=options.as_published,
         preceding=options.preceding,
-        excluded=excluded,
+        excluded=(*excluded, *options.excluded),
         same_extreme=same_extreme,
     )
     return replace(result, rotdrift_version=VERSION)

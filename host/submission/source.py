@@ -11,10 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated, TypeAlias
 
 import msgspec
 
 from analysis.scoring.choice import EndpointChoice
+from analysis.scoring.result_parts import ExcludedCycle
 from analysis.series import AnalysisError
 from host.cards.definitions import Cards, dump_cards, parse_cards
 from host.errors import FileError, UsageError, unreadable
@@ -23,6 +25,9 @@ from host.results.result import ScoreOptions
 from host.text import plain
 
 MAX_RAW_BYTES = 2**30
+
+
+CycleNumber: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
 
 
 class Choices(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -34,6 +39,9 @@ class Choices(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     endpoint_values: tuple[float, ...] = ()
     endpoint_reasons: tuple[str, ...] = ()
     endpoint_source: str = ""
+    excluded_cycles: tuple[CycleNumber, ...] = ()
+    """Numbers, from 1, of cycles left out after the fact."""
+    excluded_because: str = ""
     columns: str | None = None
     rate_hz: float | None = None
     topic: str | None = None
@@ -52,7 +60,8 @@ class Choices(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
             points = EndpointChoice(
                 self.endpoint_kind, self.endpoint_values, self.endpoint_reasons, self.endpoint_source or "given"
             )
-        return ScoreOptions(window, points, baseline, clock=True)
+        left_out = tuple(ExcludedCycle.numbered(cycle, self.excluded_because) for cycle in self.excluded_cycles)
+        return ScoreOptions(window, points, baseline, excluded=left_out, clock=True)
 
     def with_endpoints(self, choice: EndpointChoice) -> Choices:
         """Return the choices with these end points."""

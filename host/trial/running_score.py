@@ -10,8 +10,9 @@ import numpy.typing as npt
 
 from analysis.cycles.settings import Endpoint
 from analysis.geometry import rotations
-from analysis.scoring.card import rotation_drift
+from analysis.scoring.card import RotationDrift, rotation_drift
 from analysis.scoring.interval import MIN_STEPS, DriftInterval, drift_interval, steps_needed
+from analysis.scoring.slip import find_slip
 from host.trial.state import MISSED, OUTSIDE, CycleRow, Quaternion, WindowView, plain_quaternion
 
 MAX_ROWS = 200
@@ -35,6 +36,8 @@ class RunningScore:
         self.window: WindowView | None = None
         self.theta_bar_deg: float | None = None
         self.interval: DriftInterval | None = None
+        self.slip = ""
+        """How much of θ̄ few large steps make, in a sentence."""
         self.n_endpoints = 0
         """End points that count: in the window, less one for every cycle left out."""
         self.origin_wxyz: Quaternion | None = None
@@ -150,7 +153,7 @@ class RunningScore:
         self.origin_wxyz = plain_quaternion(self._quats[inside[0]]) if inside else None
         n_steps = len(inside) - 1 - len(left_out)
         if n_steps < 1:
-            self.theta_bar_deg = self.interval = None
+            self.theta_bar_deg, self.interval, self.slip = None, None, ""
             return
         drift = rotation_drift(np.array([self._quats[k] for k in inside]), left_out)
         self.theta_bar_deg = drift.theta_bar_deg
@@ -158,6 +161,15 @@ class RunningScore:
             self.interval = None
         elif always or n_steps < EVERY_CYCLE or n_steps % 10 == 0:
             self.interval = drift_interval(drift.counted_step_rotations_wxyz)
+            self.slip = self._slip(drift, inside[0])
+
+    @staticmethod
+    def _slip(drift: RotationDrift, first: int) -> str:
+        """Return how much of θ̄ few large steps make; ``first``, the number of the first end point that counts."""
+        found = find_slip(drift)
+        if found is None:
+            return ""
+        return replace(found, steps=tuple(first + step for step in found.steps)).sentence
 
 
 def _axis(step: npt.NDArray[np.float64], step_rad: float) -> tuple[float, float, float] | None:

@@ -91,6 +91,8 @@ class ScoreView:
     """Half of the interval's width, before its ends were cut."""
     more_cycles: int | None = None
     """How many more cycles the interval's formula asks for to reach the target; None where it is out of reach."""
+    slip: str = ""
+    """How much of θ̄ few large steps make, in a sentence; empty where none stands out."""
     origin_wxyz: Quaternion | None = None
     """Orientation at the first end point that counts; None before it."""
     window: WindowView | None = None

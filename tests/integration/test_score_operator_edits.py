@@ -1,6 +1,7 @@
 """What the operator did during a capture counts in later scorings; ``--ignore-actions`` shows the untouched score."""
 
 import json
+import zipfile
 
 import pytest
 
@@ -74,3 +75,59 @@ def test_a_window_stays_at_the_extreme_that_the_operator_saw_counted(tmp_path):
     assert [item["step"] for item in edited["excluded_cycles"]] == [1]
     given = json.loads(rotdrift_here("score", path, "--from", start, "--to", stop, "--json").stdout)
     assert len(given["endpoints"]) == 6
+
+
+def test_cycles_left_out_after_the_fact_count_as_those_left_out_live(recordings):
+    plain, edited = recordings
+    scored = json.loads(rotdrift_here("score", plain, "--json").stdout)
+    ends = [point["time_s"] for point in scored["endpoints"]]
+    done = rotdrift_here(
+        "score", plain, "--exclude", "3,5", "--exclude", "3", "--because", "the cable pulled", "--json"
+    )
+    result = json.loads(done.stdout)
+    assert [item["step"] for item in result["excluded_cycles"]] == [2, 4]
+    assert [item["reason"] for item in result["excluded_cycles"]] == ["the cable pulled"] * 2
+    assert [item["from_s"] for item in result["excluded_cycles"]] == [ends[2], ends[4]]
+    assert len(result["endpoints"]) == len(ends)
+    assert "left out" in result["flags"][3]
+    assert result["theta_bar_deg"] != scored["theta_bar_deg"]
+    assert any("2 of 9 cycles are left out by the operator" in warning for warning in result["warnings"])
+    # It joins what the operator did: the cycle that was left out live, and one more.
+    both = json.loads(rotdrift_here("score", edited, "--exclude", "1", "--because", "late", "--json").stdout)
+    assert [item["reason"] for item in both["excluded_cycles"]] == ["late", "the cable pulled"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--exclude", "3"), "left-out cycles need a reason"),
+        (("--because", "late"), "--because needs cycles"),
+        (("--exclude", "0", "--because", "late"), "which count from 1"),
+        (("--exclude", "12", "--because", "late"), "there is no cycle 12 to leave out"),
+        (("--exclude", "1,2,3,4,5,6,7", "--because", "late"), "fewer than 3 cycles"),
+    ],
+)
+def test_what_cannot_be_left_out(recordings, options, message):
+    done = rotdrift_here("score", recordings[0], *options)
+    assert done.returncode != 0
+    assert message in done.stdout + done.stderr
+
+
+def test_a_report_leaves_out_the_same_and_can_be_verified(recordings, tmp_path):
+    bundle = tmp_path / "submission.zip"
+    options = ("--exclude", "3", "--because", "the cable pulled")
+    assert rotdrift_here("report", recordings[0], *options, "--out", bundle).returncode == 0
+    with zipfile.ZipFile(bundle) as files:
+        names = files.namelist()
+        (result,) = [json.loads(files.read(name)) for name in names if name.endswith("/result.json")]
+        (choices,) = [json.loads(files.read(name)) for name in names if name.endswith("/choices.json")]
+    assert [(item["step"], item["reason"]) for item in result["excluded_cycles"]] == [(2, "the cable pulled")]
+    assert choices["excluded_cycles"] == [3]
+    assert rotdrift_here("verify", bundle).returncode == 0
+
+
+def test_a_report_of_several_trials_leaves_nothing_out(recordings, tmp_path):
+    done = rotdrift_here(
+        "report", *recordings, "--exclude", "3", "--because", "late", "--out", tmp_path / "submission.zip"
+    )
+    assert "--exclude is for one trial" in done.stderr

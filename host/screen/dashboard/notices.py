@@ -6,6 +6,7 @@ import textwrap
 
 from rich.text import Text
 
+from analysis.scoring.interval import NO_DRIFT
 from host.screen.dashboard.boxes import Lines, end_of, framed
 from host.screen.dashboard.theme import Theme, View
 from host.trial.state import Alarm, TrialState
@@ -57,6 +58,11 @@ def notice_lines(state: TrialState, theme: Theme, width: int) -> Lines:
         warnings.append(state.recording.problem)
     for warning in reversed(warnings):
         lines += [theme.text(line, "doubtful") for line in _wrapped(theme.words(f"! {warning}"), width)[:2]]
+    if state.score.slip:
+        lines += [theme.text(line, "doubtful") for line in _wrapped(theme.words(f"! {state.score.slip}"), width)[:2]]
+    interval_deg = state.score.interval_deg
+    if interval_deg is not None and interval_deg[0] <= 0.0:
+        lines.append(theme.text(f"θ̄ {NO_DRIFT}: the interval touches 0", "doubtful"))
     window = state.score.window
     if window is not None:
         start = "the beginning" if window.from_s is None else f"{window.from_s:.1f} s"
