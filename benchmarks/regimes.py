@@ -60,6 +60,8 @@ class Regime:
     """Chance of a pause after a cycle."""
     regrasp_deg: float = 0.0
     """Jump of the pose in a pause, about any axis."""
+    grasp_deg: float = 0.0
+    """Jump of the pose in the first and in the last cycle, about any axis; these two last 0.6 to 1.5 times as long."""
     tremor_deg: float = 0.0
     """Amplitude at 8 Hz."""
     wander_deg: float = 0.0
@@ -96,13 +98,14 @@ REGIMES: dict[str, Regime] = {
     "swing grows": replace(PLAIN, growth=(0.02, 0.06)),
     "pauses": replace(PLAIN, pauses=0.25),
     "pauses with a regrasp": replace(PLAIN, pauses=0.2, regrasp_deg=5.0, cycles=(8, 20)),
+    "grasp and release": replace(PLAIN, grasp_deg=6.0, cycles=(7, 20), drift_deg=(0.0, 1.0)),
     "tremor of 8 Hz": replace(PLAIN, tremor_deg=0.5, period_s=(2.0, 8.0)),
     "wandering axis": replace(PLAIN, wander_deg=40.0),
     "swing of 1.5 to 4°": replace(PLAIN, swing_deg=(1.5, 4.0), drift_deg=(0.0, 0.3), scatter_deg=(0.0, 0.05)),
     "swing of 150 to 340°": replace(PLAIN, swing_deg=(150.0, 340.0)),
     "20 Hz": replace(PLAIN, rate_hz=(20.0,), period_s=(2.0, 8.0)),
     "1 to 2 kHz": replace(PLAIN, rate_hz=(1000.0, 2000.0), period_s=(1.0, 3.0), cycles=(5, 10)),
-    "much drift": replace(PLAIN, drift_deg=(2.0, 5.0), scatter_deg=(0.3, 1.0), swing_deg=(20.0, 60.0)),
+    "much drift": replace(PLAIN, drift_deg=(2.0, 5.0), scatter_deg=(0.3, 1.0)),
     "pose noise": replace(PLAIN, pose_noise_deg=0.5),
     "two equal peaks (ambiguous)": replace(PLAIN, peaks=(1.0, 1.0), across=(0.0, 0.0), size=0.0, judged=False),
 }
@@ -157,6 +160,8 @@ def draw(name: str, seed: int) -> Trial:
     n, rate_hz = int(rng.integers(regime.cycles[0], regime.cycles[1] + 1)), float(rng.choice(regime.rate_hz))
     usual_s, swing = _uniform(rng, regime.period_s), np.radians(_uniform(rng, regime.swing_deg))
     lengths_s = usual_s * (1.0 - regime.speeding * np.arange(n) / n) * (1.0 + regime.tempo * rng.uniform(-1.0, 1.0, n))
+    if regime.grasp_deg:
+        lengths_s[[0, -1]] *= rng.choice([rng.uniform(0.6, 0.8), rng.uniform(1.25, 1.5)], 2)
     sizes = (1.0 + _uniform(rng, regime.growth)) ** np.arange(n) * (1.0 + regime.size * rng.uniform(-1.0, 1.0, n))
     paused = rng.random(n) < regime.pauses
     paused[-1] = False
@@ -176,6 +181,8 @@ def draw(name: str, seed: int) -> Trial:
     steps = np.radians(drift_deg) * _unit(rng) + np.radians(_uniform(rng, regime.scatter_deg)) * rng.normal(size=(n, 3))
     placed = np.radians(regime.pose_noise_deg) * rng.normal(size=(n + 1, 3))
     jumps = np.radians(regime.regrasp_deg) * paused[:, None] * rng.normal(size=(n, 3))
+    if regime.grasp_deg:
+        jumps[[0, -1]] += np.radians(regime.grasp_deg) * np.stack([_unit(rng), _unit(rng)])
     poses = Rotation.identity()
     ends = [Rotation.from_rotvec(placed[0])]
     for cycle in range(n):

@@ -17,14 +17,14 @@ from analysis.cycles.repetition import agreement, alternation, irregularity, lik
 from analysis.cycles.settings import AFTER_PAUSE, CycleAnalysis, CycleSettings
 from analysis.cycles.turning_points import turning_points
 from analysis.cycles.usable_samples import Samples
-from analysis.geometry import rotations
+from analysis.geometry import averages, rotations
 
 _ONE_WAY = 1.0 / 3.0  # net turn as a share of all turning
 _MAX_APART, _APART_A_STEP = 1.0 / 3.0, 0.06  # swings
+_MORE_APART, _MOST_APART = 0.02, 0.5
 _SIMILAR = 0.97  # likeness
 _MIN_AGREEMENT = 0.9  # top eigenvalue share, angles in units of half the swing
 _MAX_SWING_DEG = 360.0
-_MAX_STEP = 1.0 / 3.0  # mean, swings
 _ALTERNATE, _MIN_ALTERNATING = -0.75, 8
 
 
@@ -158,15 +158,13 @@ def _not_claimable(result: CycleAnalysis, apart: float) -> list[str]:
         reasons.append(f"cycles do not repeat: each differs from the next by {apart:.0%} of the swing")
     quats = np.array([point.quat_wxyz for point in points])
     steps = rotations.difference(quats[1:], quats[:-1])
-    mean_step_deg = float(np.degrees(rotations.angle(steps).mean()))
-    if mean_step_deg > _MAX_STEP * swing_deg:
-        reasons.append(
-            f"the object does not come back: the mean step is {mean_step_deg:.1f}°, the swing {swing_deg:.1f}°, "
-            "of which a third is the most that can be claimed"
-        )
     share = agreement(steps, np.radians(swing_deg))
     if share < _MIN_AGREEMENT:
-        reasons.append(f"the steps do not agree: top eigenvalue share {share:.2f}, needs {_MIN_AGREEMENT}")
+        scatter_deg = float(np.degrees(rotations.distance(steps, averages.average(steps)).mean()))
+        reasons.append(
+            f"the object does not come back: steps scatter by {scatter_deg:.1f}°, the swing is {swing_deg:.1f}° "
+            f"(top eigenvalue share {share:.2f}, needs {_MIN_AGREEMENT})"
+        )
     return reasons
 
 
@@ -175,16 +173,19 @@ def _most_apart(result: CycleAnalysis) -> float:
 
     Few cycles of a random motion are similar by chance, but not as similar as a hand makes them: the fewer cycles, and
     the less the autocorrelation shows of a period, the nearer to each other they must be. Peaks that differ and recur
-    in the same order are no chance, and whoever chooses a window has seen cycles.
+    in the same order are no chance, and whoever chooses a window has seen cycles. Nor is a rhythm chance that is kept
+    for twenty cycles, however much these vary.
     """
+    steps_to_spare = max(len(result.endpoints) - 3, 1)
+    most = min(max(_MAX_APART, _MORE_APART * steps_to_spare), _MOST_APART)
     if result.window is not None or result.peaks_per_cycle > 1:
-        return _MAX_APART
+        return most
     similar = result.likeness >= _SIMILAR
     shown = result.period_confidence >= result.settings.sure_confidence
     if similar and shown:
-        return _MAX_APART
+        return most
     a_step = _APART_A_STEP if similar or shown else 0.5 * _APART_A_STEP
-    return min(_MAX_APART, a_step * max(len(result.endpoints) - 3, 1))
+    return min(most, a_step * steps_to_spare)
 
 
 def _warnings(result: CycleAnalysis, period: Period) -> list[str]:
