@@ -51,6 +51,13 @@ def two_humps(phase: FloatArray) -> FloatArray:
     return values[k] + (values[k + 1] - values[k]) * (0.5 - 0.5 * np.cos(np.pi * inside))
 
 
+def equal_peaks(phase: FloatArray) -> FloatArray:
+    """Two peaks of one height half a cycle apart; the turn between them is a sixth of the swing above the other one."""
+    part = phase % 1.0
+    low = 1.0 / 6.0 * (0.5 - 0.5 * np.cos(2.0 * np.pi * part))
+    return low + (1.0 - low) * (0.5 - 0.5 * np.cos(4.0 * np.pi * part))
+
+
 def staircase(phase: FloatArray) -> FloatArray:
     """Up in nine quick steps with rests between them, and down in nine: a hand that sticks and slips."""
     height = 9.0 * (1.0 - 2.0 * np.abs((phase % 1.0) - 0.5))

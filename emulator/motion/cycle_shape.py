@@ -83,3 +83,11 @@ def two_hump(second_height: float, saddle_height: float) -> CycleShape:
     The second peak's height is below 1 and above that of the saddle, the turn between the peaks, which is above 0.
     """
     return CycleShape((0.0, 0.3, 0.5, 0.7, 1.0), (0.0, 1.0, saddle_height, second_height, 0.0), far_phase=0.3)
+
+
+def double_peak(second_height: float, saddle_height: float) -> CycleShape:
+    """Return a shape of two peaks half a cycle apart: but for the heights, two cycles of half the period.
+
+    The second peak's height is at most 1, as high as the far extreme, and above that of the saddle, which is above 0.
+    """
+    return CycleShape((0.0, 0.25, 0.5, 0.75, 1.0), (0.0, 1.0, saddle_height, second_height, 0.0), far_phase=0.25)

@@ -38,8 +38,8 @@ _TEMPO_STREAM, _AMPLITUDE_STREAM, _DRIFT_STREAM = 11, 12, 13
 class MotionSettings(Settings):
     """Scenario table ``[motion]``: what the hand does."""
 
-    shape: str = choice("cosine", "cosine", "trapezoid", "two-hump")
-    """Shape of a cycle: there and back; with a rest at both extremes; with a second, lower peak."""
+    shape: str = choice("cosine", "cosine", "trapezoid", "two-hump", "double-peak")
+    """Shape of a cycle: there and back; with a rest at both extremes; with a second peak; with it half a cycle on."""
     period_s: float = number(4.0, 0.2, 600.0)
     """Nominal duration of a cycle, s."""
     swing_deg: float = number(40.0, 0.1, 170.0)
@@ -56,10 +56,10 @@ class MotionSettings(Settings):
     """Where in the cycle the hand rests and starts: 0 is the near extreme."""
     dwell: float = number(0.2, 0.0, 0.45)
     """Trapezoid: rest at each extreme as a fraction of the cycle."""
-    second_height: float = number(0.7, 0.05, 0.95)
-    """Two-hump: height of the second peak as a fraction of the swing."""
+    second_height: float = number(0.7, 0.05, 1.0)
+    """Two-hump and double-peak: height of the second peak as a fraction of the swing."""
     saddle_height: float = number(0.35, 0.0, 0.9)
-    """Two-hump: height of the turn between the peaks; below ``second_height``."""
+    """Two-hump and double-peak: height of the turn between the peaks; below ``second_height``."""
     tempo_variation: float = number(0.0, 0.0, 0.3)
     """Standard deviation of the cycle's duration as a fraction of the period; cut at 3 standard deviations."""
     tempo_trend: float = number(0.0, -0.9, 0.9)
@@ -68,6 +68,10 @@ class MotionSettings(Settings):
     """Standard deviation of a cycle's swing as a fraction of it, at the extreme that is not primary."""
     amplitude_trend: float = number(0.0, -0.9, 0.9)
     """Change of the swing from the first to the last cycle as a fraction of it, at the extreme that is not primary."""
+    pause_every: int = integer(0, 0, 100_000)
+    """Rest at the extreme that is not primary after each so many primary end points; 0 never."""
+    pause_s: float = number(0.0, 0.0, 3600.0)
+    """How long each of these rests is, s."""
     initial_q_wxyz: tuple[float, float, float, float] = vector((1.0, 0.0, 0.0, 0.0), unit=True)
     """Pose at rest before the motion, body to world."""
     begins: str = choice("on-start", "on-start", "at-power-up")
@@ -75,7 +79,7 @@ class MotionSettings(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.shape == "two-hump" and self.saddle_height >= self.second_height:
+        if self.shape in {"two-hump", "double-peak"} and self.saddle_height >= self.second_height:
             raise ScenarioError(f"saddle_height must be below second_height ({self.second_height:g})")
 
     @property
@@ -85,6 +89,8 @@ class MotionSettings(Settings):
             return cycle_shape.trapezoid(self.dwell)
         if self.shape == "two-hump":
             return cycle_shape.two_hump(self.second_height, self.saddle_height)
+        if self.shape == "double-peak":
+            return cycle_shape.double_peak(self.second_height, self.saddle_height)
         return cycle_shape.cosine()
 
 
@@ -189,14 +195,25 @@ class HandMotion:
         return motion.period_s * np.maximum(1.0 + trend + motion.tempo_variation * noise, 0.3)
 
     def _knots(self) -> tuple[FloatArray, FloatArray]:
-        """Phases and times between which phase is linear in time: start, every primary extreme, end."""
+        """Phases and times between which phase is linear in time: start, every primary extreme, pauses, end."""
         n = self.motion.cycles
         first = self.motion.start_phase - self._primary_phase
         if n == 0:
             return np.array([first, first]), np.array([self.motion.lead_in_s] * 2)
         phases = np.concatenate([[first], np.arange(n, dtype=np.float64), [first + n]])
         durations = np.diff(phases) * self.periods_s
-        return phases, self.motion.lead_in_s + np.concatenate([[0.0], np.cumsum(durations)])
+        times_s = self.motion.lead_in_s + np.concatenate([[0.0], np.cumsum(durations)])
+        every = self.motion.pause_every
+        if every == 0 or self.motion.pause_s == 0.0:
+            return phases, times_s
+        # A pause is one phase at two moments, its start and its end.
+        paused = np.arange(every - 1, n - 1, every) + self._other_offset
+        before = np.arange(len(paused))
+        knots = np.concatenate([phases, paused, paused])
+        held = np.concatenate([np.searchsorted(paused, phases), before, before + 1])
+        order = np.lexsort((held, knots))
+        knots, held = knots[order], held[order]
+        return knots, np.interp(knots, phases, times_s) + self.motion.pause_s * held
 
     @property
     def duration_s(self) -> float:
@@ -244,7 +261,12 @@ class HandMotion:
     def _extremes(self, kind: str, phases: FloatArray) -> Extremes:
         if len(phases) == 0:
             return Extremes(kind, np.empty(0), np.empty((0, 4)))
-        times_s = np.interp(phases, self._phase_knots, self._time_knots)
+        # Where the hand pauses at an extreme, its moment is the middle of the pause.
+        knots, times_s = self._phase_knots, self._time_knots
+        ends_s = np.interp(phases, knots, times_s)
+        first = np.searchsorted(knots, phases).clip(max=len(knots) - 1)
+        starts_s = np.where(knots[first] == phases, times_s[first], ends_s)
+        times_s = 0.5 * (starts_s + ends_s)
         return Extremes(kind, times_s, multiply(self._pose(phases), self._settle))
 
     def _state(self, phase: FloatArray) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:

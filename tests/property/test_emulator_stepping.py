@@ -194,7 +194,7 @@ test_any_host = AnyHost.TestCase
 @given(
     motion=st.builds(
         MotionSettings,
-        shape=st.sampled_from(["cosine", "trapezoid", "two-hump"]),
+        shape=st.sampled_from(["cosine", "trapezoid", "two-hump", "double-peak"]),
         period_s=st.floats(0.5, 20.0),
         swing_deg=st.floats(1.0, 170.0),
         cycles=st.integers(1, 20),

@@ -14,6 +14,7 @@ from analysis.cycles.search import CycleAnalysis, find_cycles
 from analysis.series import OrientationSeries
 from tests.simulated_motion import (
     cosine,
+    equal_peaks,
     from_rotation_vectors,
     sawtooth,
     simulate,
@@ -54,6 +55,16 @@ def test_of_several_humps_one_ends_the_cycle(period_s):
     assert found.period_s == pytest.approx(period_s, rel=1e-3)
     assert [point.time_s for point in found.endpoints] == pytest.approx(trial.endpoint_s, abs=0.03 * period_s)
     assert theta(found) == pytest.approx(0.8, abs=0.005)
+
+
+@pytest.mark.parametrize("cycles", [6, 12])
+def test_of_two_equal_peaks_half_a_cycle_apart_one_ends_the_cycle(cycles):
+    trial = simulate(equal_peaks, period_s=6.0, cycles=cycles, noise_deg=0.02)
+    found = find_cycles(trial.series)
+    assert found.valid, found.reasons
+    assert found.period_s == pytest.approx(6.0, rel=1e-2)
+    assert found.peaks_per_cycle == 2
+    assert theta(found) == pytest.approx(0.8, abs=0.02)
 
 
 @pytest.mark.parametrize("period_s", [4.0, 15.0])

@@ -24,6 +24,9 @@ SHAPES = [
     MotionSettings(),
     MotionSettings(shape="trapezoid", dwell=0.3, start_phase=0.2),
     MotionSettings(shape="two-hump", start_phase=0.1, axis=(0.0, 0.6, 0.8)),
+    MotionSettings(shape="double-peak", second_height=1.0, saddle_height=0.1),
+    MotionSettings(pause_every=2, pause_s=3.0, start_phase=0.3),
+    MotionSettings(pause_every=1, pause_s=1.0, start_phase=0.7, tempo_variation=0.1),
     MotionSettings(start_phase=0.6, initial_q_wxyz=(0.5, 0.5, -0.5, 0.5)),
     MotionSettings(tempo_variation=0.15, tempo_trend=-0.3, amplitude_variation=0.2),
 ]

@@ -54,7 +54,10 @@ def test_a_scenario_from_a_file(tmp_path):
         ("[motion]\nperiod_s = true", "motion.period_s must be a number"),
         ("[motion]\nperiod_s = '4'", "motion.period_s must be a number"),
         ("[motion]\ncycles = 2.5", "motion.cycles must be a whole number from 0 to 100000, not 2.5"),
-        ("[motion]\nshape = 'square'", "motion.shape must be one of cosine, trapezoid, two-hump, not 'square'"),
+        (
+            "[motion]\nshape = 'square'",
+            "motion.shape must be one of cosine, trapezoid, two-hump, double-peak, not 'square'",
+        ),
         ("[motion]\nshape = ['cosine']", "motion.shape must be one of"),
         ("[motion]\naxis = [1, 1, 0]", "motion.axis must have length 1 within 0.01, not 1.4142"),
         ("[motion]\naxis = [1, 0]", "motion.axis must be a list of 3 numbers"),
