@@ -1,4 +1,4 @@
-"""Motion of many kinds with a known answer: wrong periods, refused trials, random motions taken for a trial.
+"""Motion of many kinds with a known answer: wrong periods, refused trials, random motions accepted as a trial.
 
 ``python -m benchmarks.regimes [TRIALS] [--first SEED] [--only REGIME ...]``: so many seeded trials of each regime (80),
 a row each. Figures are given for seeds that no number of the search was chosen by: from 3000 on.
@@ -37,8 +37,8 @@ class Regime:
     peaks: tuple[float, ...] = (1.0,)
     """Heights of the peaks of a cycle, share of the swing."""
     widths: tuple[float, ...] = ()
-    """Shares of the cycle that the peaks last; even where nothing is said."""
-    alike: tuple[float, float] = (1.0, 1.0)
+    """Shares of the cycle that the peaks last; even where empty."""
+    lower: tuple[float, float] = (1.0, 1.0)
     """Range of a factor on all peaks but the first."""
     rest: tuple[float, float] = (0.0, 0.2)
     """Share of a peak that is spent at its top and bottom."""
@@ -83,9 +83,9 @@ REGIMES: dict[str, Regime] = {
     "one peak, long rests": replace(PLAIN, rest=(0.3, 0.6)),
     "one peak, slow up and quick down": replace(PLAIN, widths=(1.0,), peaks=(-1.0,)),
     "two peaks, one much lower": replace(PLAIN, peaks=(1.0, 0.6)),
-    "two peaks, one a little lower": replace(PLAIN, peaks=(1.0, 1.0), alike=(0.75, 0.92)),
+    "two peaks, one a little lower": replace(PLAIN, peaks=(1.0, 1.0), lower=(0.75, 0.92)),
     "two peaks of equal height, one longer": replace(PLAIN, peaks=(1.0, 1.0), widths=(0.6, 0.4), across=(0.1, 0.3)),
-    "two peaks that differ across": replace(PLAIN, peaks=(1.0, 1.0), alike=(0.95, 1.0), across=(0.2, 0.4)),
+    "two peaks that differ across": replace(PLAIN, peaks=(1.0, 1.0), lower=(0.95, 1.0), across=(0.2, 0.4)),
     "two peaks, speeding up": replace(PLAIN, peaks=(1.0, 0.7), speeding=0.35),
     "two peaks, uneven tempo": replace(PLAIN, peaks=(1.0, 0.7), tempo=0.1),
     "three peaks": replace(PLAIN, peaks=(1.0, 0.6, 0.8)),
@@ -134,7 +134,7 @@ def _unit(rng: np.random.Generator) -> FloatArray:
 
 def _cycle_shape(rng: np.random.Generator, regime: Regime) -> FloatArray:
     """(GRID + 1,) angle over one cycle, from 0 to 0, of size 1."""
-    heights = [abs(regime.peaks[0]), *(height * _uniform(rng, regime.alike) for height in regime.peaks[1:])]
+    heights = [abs(regime.peaks[0]), *(height * _uniform(rng, regime.lower) for height in regime.peaks[1:])]
     widths = np.array(regime.widths or np.full(len(heights), 1.0))
     edges = np.concatenate(([0.0], np.cumsum(widths / widths.sum())))
     dip = 0.0 if len(heights) == 1 else _uniform(rng, (0.0, 0.2))

@@ -1,7 +1,7 @@
 """Which extremes at the two ends of a run are end points of its cycles; the inside is never touched.
 
 Before the first cycle and after the last one the object is put in place, grasped, released or dropped. What that leaves
-at the ends of a run looks like an extreme, but is none of the motion.
+at the ends of a run looks like an extreme, but not one of the motion.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def leave_out_grasp(extremes: Extremes, run: slice, settings: CycleSettings) -> 
     """Leave out the end points at which the hand takes hold of the object or lets go of it.
 
     There the object moves as the motion does not: the first or the last step is a pose jump. So is that of a slip. The
-    two are told apart by the cycle: a slip moves the object in the hand, and the hand turns on in time. A grasp or a
+    cycle separates the two: a slip moves the object in the hand, and the hand turns on in time. A grasp or a
     release changes how long the cycle takes, how long the object stays at its end, or where it came from. A jump at the
     end of a cycle that is regular in all three stays, as a jump anywhere inside does.
 

@@ -1,12 +1,12 @@
 """How many pairs of strokes make a cycle, and which pair of its cycle each one is.
 
-The autocorrelation cannot tell a motion of two similar peaks a cycle from one of half the period. Pairs of strokes can:
-every k-th pair is alike where k make a cycle, and those between are not. Two tests, for two kinds of evidence:
+The autocorrelation cannot separate a motion of two similar peaks a cycle from one of half the period. Pairs of strokes
+can: every k-th pair is similar where k make a cycle, and those between are not. Two tests, for two kinds of evidence:
 
 * clear: pairs that are a multiple of k apart lie much nearer to each other than all others. A pair too many or too few,
   from a slip or a pause, spoils few of these distances.
-* fine: where all pairs are nearly alike, whether the few ways in which they do differ recur every k pairs, more than in
-  any other order of the same pairs.
+* fine: where all pairs are nearly the same, whether the few ways in which they do differ recur every k pairs, more than
+  in any other order of the same pairs.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def spread(pairs: StrokePairs) -> float:
 
 
 def durations_recur(pairs: StrokePairs, k: int) -> bool:
-    """Return whether the time that strokes take recurs every k pairs, where their shapes may not."""
+    """Return whether the duration of strokes recurs every k pairs, where their shapes may not."""
     durations = _without_trend(pairs.durations[:_JUDGED])
     if len(durations) <= 2 * k:
         return False

@@ -107,7 +107,7 @@ def search_period(motion: Motion, samples: Samples, settings: CycleSettings) -> 
     """Find the period of a motion, smoothing ω further only where noise hides it.
 
     White noise of σ_q per sample, at f samples per second, leaves σ_q² / (4 √π f σ³) of variance about each axis in ω
-    after a Gaussian of σ. Where that is much of ω, ripples of the noise would be taken for cycles.
+    after a Gaussian of σ. Where that is much of ω, ripples of the noise would pass for cycles.
 
     Parameters
     ----------

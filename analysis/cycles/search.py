@@ -96,7 +96,7 @@ def find_cycles(
 
     Returns
     -------
-    Never raises for a poor recording: ``valid`` is False and ``reasons`` say why.
+    Never raises for a poor recording: ``valid`` is False and ``reasons`` holds why.
     """
     nothing = CycleAnalysis(settings, window)
     samples = Samples.of(series)

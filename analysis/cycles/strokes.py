@@ -18,7 +18,7 @@ from analysis.series import FloatArray
 _PHASES = 16
 """Points on a stroke."""
 _DEPTH = 0.1
-"""The rest at a turning point is no part of a stroke: what stays this near to it, share of the swing, ..."""
+"""The rest at a turning point is not part of a stroke: what stays this near to it, share of the swing, ..."""
 _TRAVEL = 0.25
 """... and of the travel to its neighbours: the smallest strokes keep half of theirs."""
 
