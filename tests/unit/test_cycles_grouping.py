@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import analysis
-from analysis.cycles.grouping import Grouping, group, kinds, one_a_cycle
+from analysis.cycles.pairing.grouping import Grouping, group, kinds, one_a_cycle
+from analysis.cycles.pairing.strokes import StrokePairs
 from analysis.cycles.repetition import agreement
 from analysis.cycles.search import find_cycles
-from analysis.cycles.strokes import StrokePairs
 from analysis.cycles.turning_points import turning_points
 from benchmarks import simulated_trials
 from benchmarks.regimes import RANDOM, draw, random_motion

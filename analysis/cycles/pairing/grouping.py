@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.cycles.strokes import StrokePairs
+from analysis.cycles.pairing.strokes import StrokePairs
 from analysis.cycles.turning_points import NONE_FOUND, TurningPoints
 from analysis.series import FloatArray, IntArray
 

@@ -1,0 +1,1 @@
+"""How many strokes of the hand make a cycle."""
