@@ -19,6 +19,11 @@ NORM_TOLERANCE = 1e-2
 GAP_FACTOR = 5.0
 """An interval longer than so many usual ones is a gap."""
 
+LEFT_OUT_WARNING = 0.01
+"""More than this share of a trial left out is a warning ..."""
+LEFT_OUT_LIMIT = 0.10
+"""... and more than this one makes the trial not valid, unless a person chose what to score."""
+
 
 class AnalysisError(Exception):
     """Base of everything this package raises on purpose.
@@ -59,6 +64,30 @@ class SetAside:
     """(k, 4) unit, scalar first, body to world."""
     index: IntArray
     """(k,) row or sequence number."""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Rows of the source that are not in the series, and how much of the trial they are."""
+
+    rows: int
+    """How many."""
+    of: int
+    """Of how many."""
+    share: float
+    """Of the trial's length, 0 to 1."""
+    reason: str
+    """Why, after ``rows``: ``have no orientation``."""
+    holes: bool = False
+    """Whether they are rows without an orientation."""
+
+    @property
+    def sentence(self) -> str:
+        """The account in words."""
+        return (
+            f"{self.rows} of {self.of} rows {self.reason} and are left out, {100.0 * self.share:.2g} % of the trial's "
+            "length"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +136,8 @@ class OrientationSeries:
     """False where the source has no time stamps: an even rate was taken, and missing samples cannot be seen."""
     set_aside: SetAside | None = None
     """Samples left out because of their time stamps."""
+    left_out: tuple[LeftOut, ...] = ()
+    """How much was left out, and why."""
 
     def __post_init__(self) -> None:
         times_s = np.ascontiguousarray(self.times_s, dtype=np.float64)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from analysis.formats.columns import ColumnSpec, guess_names, parse_columns
+from analysis.formats.columns import ColumnSpec, guess_names, hint, parse_columns
 from analysis.formats.conventions import convention_warnings
 from analysis.formats.kit_csv import is_ndx, is_t42, read_ndx, read_t42, write_kit_csv
 from analysis.formats.matlab import write_matlab
@@ -19,24 +19,41 @@ from analysis.formats.named_csv import read_named, write_csv, write_endpoints_cs
 from analysis.formats.parquet import MAGIC as PARQUET_MAGIC
 from analysis.formats.parquet import read_parquet, write_parquet
 from analysis.formats.ros_bag import is_bag, is_mcap, read_ros_bag, write_ros_bag
+from analysis.formats.rows.streams import SeveralStreamsError, StreamChoice
 from analysis.formats.source import SourceFile, plain
-from analysis.formats.text_table import TextTable, is_numeric_row
+from analysis.formats.text_table import TextTable
 from analysis.formats.time_stamps import RawSamples, to_series
 from analysis.formats.tum import is_tum, read_tum, write_tum
-from analysis.formats.ximu3_csv import is_ximu3, read_ximu3
+from analysis.formats.ximu3_csv import is_diagnostic, is_ximu3, read_ximu3
 from analysis.series import OrientationSeries, ReaderError
 
 __all__ = [
     "FORMATS",
     "ReaderError",
+    "SeveralStreamsError",
     "SourceFile",
+    "StreamChoice",
+    "is_diagnostic",
     "is_mcap",
     "parse_columns",
     "read_series",
     "write_series",
 ]
 
-_KNOWN = "the benchmark authors' CSV, CSV with --columns, TUM, x-IMU3 CSV, parquet, ROS bag or MCAP"
+_KNOWN = (
+    "the benchmark authors' CSV, CSV with --columns, TUM, x-IMU3 CSV, parquet, ROS bag or MCAP, and CAN logs (candump "
+    "-l, ASC, BLF, TRC, python-can's CSV)"
+)
+_PACKED = {
+    b"\x1f\x8b": "gzip",
+    b"\x28\xb5\x2f\xfd": "zstandard",
+    b"PK\x03\x04": "zip",
+    b"\xfd7zXZ\0": "xz",
+    b"BZh": "bzip2",
+    b"\x04\x22\x4d\x18": "lz4",
+    b"7z\xbc\xaf\x27\x1c": "7z",
+}
+"""First bytes -> how a file is packed."""
 
 Writer = Callable[[OrientationSeries, dict[str, Any] | None, Path], tuple[str, ...]]
 
@@ -58,6 +75,7 @@ def read_series(
     columns: str | None = None,
     rate_hz: float | None = None,
     topic: str | None = None,
+    choice: StreamChoice | None = None,
 ) -> OrientationSeries:
     """Read a file of orientations; the format is recognised from the content.
 
@@ -74,6 +92,8 @@ def read_series(
         Sampling rate where the file has no time stamps.
     topic : str, optional
         Which topic of a bag, or which station of a Polhemus tracker's file.
+    choice : StreamChoice, optional
+        Which sensor, channel or session, where there are several.
 
     Raises
     ------
@@ -84,23 +104,27 @@ def read_series(
     """
     if not isinstance(source, SourceFile):
         with SourceFile(Path(source)) as opened:
-            return read_series(opened, columns=columns, rate_hz=rate_hz, topic=topic)
+            return read_series(opened, columns=columns, rate_hz=rate_hz, topic=topic, choice=choice)
+    choice = choice or StreamChoice()
     spec = parse_columns(columns) if columns is not None else None
-    series = to_series(_raw_samples(source, spec, topic), source.label, rate_hz)
+    series = to_series(_raw_samples(source, spec, topic, choice), source.label, rate_hz, choice)
     return series.with_remarks(warnings=convention_warnings(series))
 
 
-def _raw_samples(source: SourceFile, spec: ColumnSpec | None, topic: str | None) -> RawSamples:
+def _raw_samples(source: SourceFile, spec: ColumnSpec | None, topic: str | None, choice: StreamChoice) -> RawSamples:
     if is_bag(source):
         return read_ros_bag(source, topic)
     if source.path.is_dir():
         raise ReaderError(f"{source.name} is a folder without metadata.yaml, so no ROS 2 bag: give a file in it")
     if source.head.startswith(PARQUET_MAGIC):
-        return read_parquet(source, spec)
-    return _text_samples(TextTable(source), spec, topic)
+        return read_parquet(source, spec, choice)
+    packed = next((name for magic, name in _PACKED.items() if source.head.startswith(magic)), None)
+    if packed is not None:
+        raise ReaderError(f"{source.name} is packed ({packed}): unpack it and give the file in it")
+    return _text_samples(TextTable(source), spec, topic, choice)
 
 
-def _text_samples(table: TextTable, spec: ColumnSpec | None, topic: str | None) -> RawSamples:
+def _text_samples(table: TextTable, spec: ColumnSpec | None, topic: str | None, choice: StreamChoice) -> RawSamples:
     """Read a text file by the columns declared, or by the first layout that claims it."""
     if spec is not None:
         return read_named(table, spec)
@@ -109,16 +133,16 @@ def _text_samples(table: TextTable, spec: ColumnSpec | None, topic: str | None) 
     if is_t42(table):
         return read_t42(table)
     if is_ndx(table):
-        return read_ndx(table, topic)
+        return read_ndx(table, topic if topic is not None else choice.sensor)
     if is_tum(table):
         return read_tum(table)
-    guessed = guess_names(table.names)
+    guessed = guess_names(table.names, choice)
     if guessed is not None:
         return read_named(table, guessed)
-    what = "columns without names" if is_numeric_row(table.rows[0]) else f"it starts with '{plain(table.lines[0])}'"
+    what = f"it starts with '{plain(table.lines[0])}'" if table.names else "columns without names"
     raise ReaderError(
         f"{table.source.name} is not a file known here ({what}); known are {_KNOWN}; name the columns with "
-        "--columns t=…,qw=…,qx=…,qy=…,qz=…"
+        f"{hint(table.names)}"
     )
 
 

@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 
 from analysis.formats.columns import LENGTH_UNITS
+from analysis.formats.rows.cells import is_numeric_row
 from analysis.formats.source import plain
-from analysis.formats.text_table import Layout, TextTable, is_numeric_row, read_table
+from analysis.formats.text_table import TableRows, TextTable, read_table
 from analysis.formats.time_stamps import RawSamples
 from analysis.formats.tum import known_positions
 from analysis.geometry import averages, rotations
@@ -37,13 +38,26 @@ AGREEMENT_DEG = 0.01
 
 _TIME_NAMES = ("ts", "time", "timestamp", "stamp", "t")
 _UNIT = re.compile(r"[(\[](?:s|m|rad)[)\]]$")
+MAX_REACH_INCH = 200.0
+"""Further from its source no tracker reaches."""
+MIN_REACH_INCH = 1.5
+"""Nothing that is tracked stays nearer to the source."""
+FIXED_LENGTH = 0.08
+FIXED_SPREAD_DEG = 4.0
+"""Three numbers of a length fixed within that share whose direction turns by more are no position."""
 _MAX_STATION = 255
 _MIN_STATION_ROWS = 10
 
 
 def is_t42(table: TextTable) -> bool:
-    """Return whether a file has the T42 layout: its header names time, position and the three angles."""
-    return set(T42_COLUMNS) <= set(_t42_names(table))
+    """Return whether a file has the T42 layout: its header names time, position and the three angles.
+
+    Robots and solvePnP name a rotation vector rx, ry, rz too. So the time has to go by the authors' name, or the
+    quaternion has to stand beside, which is compared with the angles.
+    """
+    names = set(_t42_names(table))
+    own = "ts" in (name.strip().lower() for name in table.names)
+    return set(T42_COLUMNS) <= names and (own or set(T42_QUATERNION) <= names)
 
 
 def _t42_names(table: TextTable) -> tuple[str, ...]:
@@ -57,27 +71,35 @@ def read_t42(table: TextTable) -> RawSamples:
     """Read a T42 file; raises ReaderError for a cell that is not a number."""
     header = _t42_names(table)
 
-    def read(names: tuple[str, ...]) -> tuple[FloatArray, tuple[str, ...]]:
+    def read(names: tuple[str, ...], holes: bool) -> TableRows:
         places = tuple(header.index(name) for name in names)
-        return read_table(table.source, Layout(table.delimiter, table.header_lines, places, names))
+        return read_table(table.source, table.layout(places, names, time=0), holes)
 
     not_compared: tuple[str, ...] = ()
     with_quaternion = set(T42_QUATERNION) <= set(header)
     try:
-        values, cut = read((*T42_COLUMNS, *T42_QUATERNION) if with_quaternion else T42_COLUMNS)
+        table_rows = read((*T42_COLUMNS, *T42_QUATERNION) if with_quaternion else T42_COLUMNS, not with_quaternion)
     except ReaderError as error:
-        values, cut = read(T42_COLUMNS)  # the angles are enough; where they are at fault, this fails as well
+        if not with_quaternion:
+            raise
+        table_rows = read(T42_COLUMNS, True)  # the angles are enough; where they are at fault, this fails as well
         not_compared = (f"the quaternion columns were not compared with the Euler angles: {error}",)
+    values = table_rows.values
+    whole = np.isfinite(values).all(axis=1)
+    if not whole.any():
+        raise ReaderError(f"{table.source.name} has no row without a hole: are the columns empty?")
     angles, quats_xyzw = values[:, 4:7], values[:, 7:]
-    quats = from_euler(angles, "xyz", intrinsic=False)
+    quats = np.full((len(values), 4), np.nan)
+    quats[whole] = from_euler(angles[whole], "xyz", intrinsic=False)
     agreed, differing = _compare(quats_xyzw, quats) if quats_xyzw.size else ((), not_compared)
     return RawSamples(
         quats_wxyz=quats,
         times_s=values[:, 0].copy(),
         positions_m=values[:, 1:4].copy(),
         convention="Euler extrinsic x-y-z (rx, ry, rz), rad, body to world",
-        notes=("T42 layout: Unix time in s, positions in m, angles in rad", *cut, *agreed),
-        warnings=(*_angle_warnings(angles), *differing),
+        notes=("T42 layout: Unix time in s, positions in m, angles in rad", *table_rows.notes, *agreed),
+        warnings=(*_angle_warnings(angles[whole]), *differing),
+        starts=table_rows.starts,
     )
 
 
@@ -105,21 +127,44 @@ def _compare(quats_xyzw: FloatArray, from_angles: FloatArray) -> tuple[tuple[str
 
 
 def is_ndx(table: TextTable) -> bool:
-    """Return whether a file has the NDX_A layout: seven numbers a line, the first of them a station."""
-    rows = table.rows[1:] if _has_ndx_header(table) else table.rows
-    if not rows or {len(row) for row in rows} != {len(NDX_COLUMNS)}:
+    """Return whether a file has the NDX_A layout: seven numbers a line, and what they are worth fits a tracker.
+
+    Seven numbers without names may be anything, so ranges decide: the first is a station or a running number, the
+    positions are where the tracker reaches and no vector of fixed length that turns (acceleration, magnetic field),
+    the angles are within those that the tracker returns.
+    """
+    if _has_ndx_header(table):
+        return True
+    if table.names or not table.rows or {len(row) for row in table.rows} != {len(NDX_COLUMNS)}:
         return False
-    # One damaged row does not make it another format: its fault is then named with its line number.
-    sound = [row for row in rows if is_numeric_row(row)]
-    if len(sound) < max(1, len(rows) - 2):
+    # Damaged rows do not make it another format: their fault is then named with its line number.
+    sound = np.array([[float(cell) for cell in row] for row in table.rows if is_numeric_row(row)])
+    if not len(sound) or len(sound) < len(table.rows) - max(2, len(table.rows) // 10):
         return False
-    stations = np.array([float(row[0]) for row in sound])
+    stations = sound[:, 0]
     different = len(np.unique(stations))
-    return not _no_stations(stations).any() and (different == 1 or 2 * different <= len(stations))
+    is_station = _no_stations(stations).mean() < 0.1 and (different == 1 or 2 * different <= len(stations))
+    return (is_station or _is_running_number(stations)) and _fits_tracker(sound[:, 1:4], sound[:, 4:7])
+
+
+def _is_running_number(values: FloatArray) -> bool:
+    return len(values) > 1 and bool((np.diff(values) == 1.0).mean() > 0.9 and (values == np.round(values)).all())
+
+
+def _fits_tracker(positions_inch: FloatArray, angles_deg: FloatArray) -> bool:
+    """Return whether numbers can be those of the tracker: see :func:`is_ndx`."""
+    limits = np.array([180.0, 90.0, 180.0]) + 0.01
+    lengths = np.linalg.norm(positions_inch, axis=1)
+    if (np.abs(angles_deg) > limits).any() or lengths.max() > MAX_REACH_INCH or lengths.max() < MIN_REACH_INCH:
+        return False
+    directions = positions_inch / np.maximum(lengths, 1e-9)[:, None]
+    spread_deg = float(np.degrees(np.arccos(np.clip(directions @ directions[0], -1.0, 1.0)).max()))
+    is_fixed_length = float(lengths.std()) < FIXED_LENGTH * float(lengths.mean())
+    return not (is_fixed_length and spread_deg > FIXED_SPREAD_DEG)
 
 
 def _has_ndx_header(table: TextTable) -> bool:
-    return tuple(cell.lower() for cell in table.rows[0]) == NDX_COLUMNS
+    return tuple(name.lower() for name in table.names if name) == NDX_COLUMNS
 
 
 def _no_stations(stations: FloatArray) -> BoolArray:
@@ -137,11 +182,16 @@ def read_ndx(table: TextTable, station: str | None = None) -> RawSamples:
     ReaderError
         A cell that is not a number, or no such station.
     """
-    header = table.header_lines if _has_ndx_header(table) else 0
-    layout = Layout(table.delimiter, header, tuple(range(len(NDX_COLUMNS))), NDX_COLUMNS)
-    values, cut = read_table(table.source, layout)
+    read = read_table(table.source, table.layout(tuple(range(len(NDX_COLUMNS))), NDX_COLUMNS), holes=False)
+    values = read.values
     quats = from_euler(np.radians(values[:, 4:7]), "zyx", intrinsic=True)
-    rows, warnings = _station_rows(values[:, 0], quats, station)
+    numbered: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    if _is_running_number(values[:, 0]) and len(values) > 2:
+        rows = np.arange(len(values))
+        numbered = ("the first column is a running row number",)
+    else:
+        rows, warnings = _station_rows(values[:, 0], quats, station)
     angles_deg = values[rows, 4:7]
     largest = float(np.abs(angles_deg).max())
     if largest <= np.pi + 0.01 and np.ptp(angles_deg, axis=0).max() > 0.0:
@@ -152,7 +202,7 @@ def read_ndx(table: TextTable, station: str | None = None) -> RawSamples:
         assumed_rate_hz=NDX_RATE_HZ,
         positions_m=values[rows, 1:4] * LENGTH_UNITS["inch"],
         convention="Euler intrinsic z-y-x (azimuth, elevation, roll), deg, body to world",
-        notes=("NDX_A layout: positions in inch, angles in deg", *cut),
+        notes=("NDX_A layout: positions in inch, angles in deg", *numbered, *read.notes),
         warnings=warnings,
         index=rows,
     )

@@ -14,7 +14,10 @@ from typing import Any
 import numpy as np
 
 from analysis.formats.columns import QUATERNION, ColumnSpec, column_numbers, samples_of
-from analysis.formats.text_table import Layout, TextTable, is_numeric_row, read_table
+from analysis.formats.rows.cells import CellKind, kind_of
+from analysis.formats.rows.names import label_column
+from analysis.formats.rows.streams import LabelArray, tells_apart
+from analysis.formats.text_table import Layout, TextTable, read_table, read_texts
 from analysis.formats.time_stamps import RawSamples
 from analysis.series import OrientationSeries, WriterError
 
@@ -24,12 +27,34 @@ WRITTEN_POSITION = ("px_m", "py_m", "pz_m")
 
 def read_named(table: TextTable, spec: ColumnSpec) -> RawSamples:
     """Read a CSV by its column names; raises ReaderError for a column or a number that is not there."""
-    header = () if is_numeric_row(table.rows[0]) else table.names
-    numbers = column_numbers(spec, header, len(table.names))
-    layout = Layout(table.delimiter, table.header_lines if header else 0, numbers, tuple(spec.names.values()))
-    values, cut = read_table(table.source, layout)
-    samples = samples_of(values, spec)
-    return replace(samples, notes=(*samples.notes, *cut))
+    width = len(table.names) or len(table.rows[0])
+    numbers = column_numbers(spec, table.names, width)
+    names = tuple(spec.names.values())
+    layout = table.layout(numbers, names, time=list(spec.names).index("t") if "t" in spec.names else None)
+    if all(name.startswith("#") and name not in table.names for name in names):
+        layout = replace(layout, width=0)  # the numbers hold whatever the header names
+    read = read_table(table.source, layout)
+    samples = samples_of(read.values, spec, table.rate_hz)
+    return replace(
+        samples,
+        notes=(*samples.notes, *read.notes),
+        starts=read.starts,
+        labels=_labels(table, layout, set(numbers)),
+    )
+
+
+def _labels(table: TextTable, layout: Layout, read: set[int]) -> LabelArray | None:
+    """Return (n,) which sensor each row is of, by the first column that tells sensors apart; None where none does."""
+    width = len(table.names) or len(table.rows[0])
+    for column in range(width):
+        named = bool(table.names) and label_column(table.names[column])
+        cells = [row[column] for row in table.rows if column < len(row)]
+        if column in read or not cells or not (named or all(kind_of(cell) is CellKind.TEXT for cell in cells)):
+            continue
+        labels = np.array(read_texts(table.source, replace(layout, columns=(column,), width=0)))
+        if tells_apart(labels, named):
+            return labels
+    return None
 
 
 def csv_text(series: OrientationSeries) -> str:

@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import importlib
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from analysis.formats.columns import QUATERNION, ColumnSpec, column_numbers, guess_names, samples_of
+from analysis.formats.columns import (
+    QUATERNION,
+    TIME_UNITS,
+    ColumnSpec,
+    column_numbers,
+    guess_names,
+    hint,
+    samples_of,
+)
 from analysis.formats.named_csv import WRITTEN_POSITION
+from analysis.formats.rows.names import label_column
+from analysis.formats.rows.streams import LabelArray, StreamChoice, tells_apart
 from analysis.formats.source import SourceFile, plain
 from analysis.formats.time_stamps import RawSamples
-from analysis.series import AnalysisError, OrientationSeries, ReaderError, WriterError
+from analysis.series import AnalysisError, FloatArray, OrientationSeries, ReaderError, WriterError
 
 MAGIC = b"PAR1"
 
@@ -26,45 +37,66 @@ def _pyarrow(what: str, missing: type[AnalysisError]) -> tuple[Any, Any]:
         raise missing(f"{what} pyarrow: pip install 'rotdrift[parquet]'") from error
 
 
-def read_parquet(source: SourceFile, spec: ColumnSpec | None) -> RawSamples:
-    """Read a parquet file; without a ``spec``, by the names of its columns.
+def read_parquet(source: SourceFile, spec: ColumnSpec | None, choice: StreamChoice) -> RawSamples:
+    """Read a parquet file; without a ``spec``, by the names of its columns. Missing values are holes.
 
     Raises
     ------
     ReaderError
-        The extra is not installed, no such columns, a column without numbers, a missing value (names the row).
+        The extra is not installed, no such columns, a column without numbers; quaternions of several sensors.
     """
     arrow, tables = _pyarrow("parquet files need", ReaderError)
     try:
         file = tables.ParquetFile(source.rewound())
         header = tuple(file.schema_arrow.names)
         if spec is None:
-            spec = guess_names(header)
+            spec = guess_names(header, choice)
         if spec is None:
             there = ", ".join(plain(name) for name in header[:20])
-            raise ReaderError(f"name the columns with --columns t=…,qw=…,qx=…,qy=…,qz=…; the file has {there}")
+            raise ReaderError(f"name the columns with {hint(header)}; the file has {there}")
         wanted = [header[number] for number in column_numbers(spec, header, len(header))]
         table = file.read(columns=list(dict.fromkeys(wanted)))
         columns = []
-        for name in wanted:
+        for key, name in zip(spec.names, wanted, strict=True):
             column = table.column(name)
-            if arrow.types.is_temporal(column.type):
-                raise ReaderError(f"column {plain(name)} holds dates; store the time as a number")
-            columns.append(column.to_numpy().astype(np.float64))
+            if key == "t" and arrow.types.is_temporal(column.type):
+                columns.append(_seconds(column, arrow) / TIME_UNITS[spec.time])
+            else:
+                columns.append(column.to_numpy().astype(np.float64))
+        labels = _labels(file, header, wanted)
     except arrow.ArrowInvalid as error:
         raise ReaderError(f"{source.name} is not a sound parquet file: {plain(str(error), 120)}") from error
     except (TypeError, ValueError) as error:
         raise ReaderError(f"column {plain(name)} of {source.name} does not hold numbers") from error
     values = np.stack(columns, axis=1)
-    bad = np.argwhere(~np.isfinite(values))
-    if len(bad):
-        row, place = bad[0].tolist()
-        raise ReaderError(
-            f"{source.name} row {row}: no number in column {plain(wanted[place])}; correct or remove that row"
-        )
     if len(values) == 0:
         raise ReaderError(f"{source.name} has no data rows: record again, or give another file")
-    return samples_of(values, spec)
+    return replace(samples_of(values, spec), labels=labels)
+
+
+def _seconds(column: Any, arrow: Any) -> FloatArray:  # noqa: ANN401 - pyarrow has no types
+    """Return time stamps, durations or times of day as s."""
+    unit = getattr(column.type, "unit", None)
+    if unit is None:
+        raise ReaderError("the time column holds days; store the time of each sample")
+    width = arrow.int32() if arrow.types.is_time32(column.type) else arrow.int64()
+    numbers: FloatArray = column.cast(width).to_numpy().astype(np.float64)
+    return np.asarray(numbers * TIME_UNITS[unit], dtype=np.float64)
+
+
+def _labels(
+    file: Any,  # noqa: ANN401
+    header: tuple[str, ...],
+    wanted: list[str],
+) -> LabelArray | None:
+    """Return (n,) which sensor each row is of, by the first column whose name and values tell sensors apart."""
+    for name in header:
+        if name not in wanted and label_column(name):
+            cells = file.read(columns=[name]).column(name).to_pylist()
+            labels = np.array(["" if cell is None else str(cell) for cell in cells])
+            if tells_apart(labels, named=True):
+                return labels
+    return None
 
 
 def parquet_bytes(series: OrientationSeries) -> bytes:

@@ -1,19 +1,18 @@
 """Text files of numbers, read fast, and the one bad cell named when there is one.
 
-numpy's C parser reads whole files; only when it fails, or a number is not finite, a slow second pass finds the line.
-Files come from strangers: binary content, endless lines and too many columns are refused before they are parsed, and
-text that goes into a message is shortened and stripped of control characters. Blank lines, lines of separators alone
-and ``#`` comments may stand anywhere; column names may stand in the last comment before the data, where numpy.savetxt
-puts them.
+numpy's C parser reads whole files; where it fails, because there are holes or dates, the cells are read one by one,
+and where that fails, another pass finds the line. Files come from strangers: binary content, endless lines and too many
+columns are refused before they are parsed, and text that goes into a message is shortened and stripped of control
+characters. Blank lines, lines of separators alone and ``#`` comments may stand anywhere; column names may stand in the
+last comment before the data, where numpy.savetxt puts them.
 """
 
 from __future__ import annotations
 
 import codecs
-import math
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, islice
@@ -21,8 +20,18 @@ from typing import TextIO
 
 import numpy as np
 
+from analysis.formats.rows.cells import (
+    DECIMAL_POINTS,
+    CellKind,
+    is_data_row,
+    kind_of,
+    moment_s,
+    number,
+    split_cells,
+)
+from analysis.formats.rows.heading import Heading, find_heading
 from analysis.formats.source import HEAD_BYTES, SourceFile, plain
-from analysis.series import FloatArray, ReaderError
+from analysis.series import FloatArray, IntArray, ReaderError
 
 MAX_LINE_BYTES = 65_536
 """A longer line is not a line of numbers."""
@@ -32,11 +41,12 @@ MAX_FILE_BYTES = 8 * 2**30
 """A text file beyond this is refused before it fills the memory."""
 COMMENT = "#"
 """Starts a line, or the end of one, that holds no data."""
-_HEAD_LINES = 20
+_HEAD_LINES = 200
+_LINES_MEASURED = 20
 _BLOCK_CHARACTERS = MAX_LINE_BYTES
 _NOTHING = ",; \t\r\n\0\x1a"  # a line of these alone is blank; a logger that lost power leaves zeros, DOS a Ctrl-Z
 _SEPARATORS_ALONE = re.compile(r"\n[,; \t\0\x1a]+(?=\n|\Z)")
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+_OF_QUATERNIONS = re.compile(r"^DataType=Quaternion\s*$", re.IGNORECASE)  # OpenSim: four numbers in each cell
 
 
 class TextTable:
@@ -50,28 +60,67 @@ class TextTable:
 
     def __init__(self, source: SourceFile) -> None:
         self.source = source
-        self.lines = _first_lines(source)
-        """Non-blank lines, at least one, without line ends, a byte order mark and comments removed. A comment that
-        names the columns stays, as the first line."""
-        if not self.lines:
+        lines = _first_lines(source)
+        rows = [line for line in lines if not line.startswith(COMMENT)]
+        if not rows:
             raise ReaderError(f"{source.name} is empty: record again, or give another file")
-        self.delimiter = _delimiter_of(self.lines[0])
-        """Column separator of the first line."""
+        self.cells_of_four = any(_OF_QUATERNIONS.match(line) for line in rows[:20])
+        """Whether a cell holds a whole quaternion, as in OpenSim's ``.sto``; the cells are those of its parts then."""
+        if self.cells_of_four:
+            rows = _with_names_of_parts(rows)
+        heading = find_heading(rows)
+        names = heading.names or _names_in_comment(lines, heading)
+        if len(names) > MAX_COLUMNS:
+            raise ReaderError(f"the header has {len(names)} columns; at most {MAX_COLUMNS} make sense")
+        self.names = names
+        """Names of the columns; empty where nothing names them."""
+        self.delimiter = heading.delimiter
+        """Column separator; None for white space."""
+        self.rate_hz = heading.rate_hz
+        """Sampling rate that the lines before the header state."""
+        self.header_lines = heading.lines
+        """Lines before the data, blank ones and comments not counted."""
+        self.lines = rows[heading.before :]
+        """Non-blank lines from the header on, at least one, without line ends, a byte order mark and comments."""
+        self._units = heading.units
+        self._header = self.lines[0] if heading.names else ""
 
     @cached_property
     def rows(self) -> list[list[str]]:
-        """Cells of the first lines."""
-        return [split_row(line, self.delimiter) for line in self.lines]
+        """Cells of the first lines of data, without empty cells at the end; at least one line, be it the header."""
+        data = self.lines[1 + self._units :] if self._header else self.lines
+        return [split_row(line, self.delimiter) for line in data or self.lines]
 
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Cells of the first line, as column names; see :func:`split_header`."""
-        return split_header(self.lines[0], self.delimiter)
+    def layout(self, columns: tuple[int, ...], names: tuple[str, ...], time: int | None = None) -> Layout:
+        """Return the layout that reads these 0-based columns; ``time`` is which of them may hold dates."""
+        return Layout(
+            self.delimiter,
+            self.header_lines,
+            columns,
+            names,
+            time=time,
+            width=len(self.names),
+            header=self._header,
+            tabs_as_commas=self.cells_of_four,
+        )
 
-    @property
-    def header_lines(self) -> int:
-        """Lines before the data where the first line names the columns: none if it is a comment."""
-        return 0 if self.lines[0].startswith(COMMENT) else 1
+
+def _with_names_of_parts(rows: list[str]) -> list[str]:
+    """Return the lines of an OpenSim file with commas only: the header names the four parts of each cell."""
+    header = next((k + 1 for k, line in enumerate(rows[:-1]) if line.strip().lower() == "endheader"), 0)
+    time, *names = rows[header].split("\t")
+    named = ",".join((time, *(f"{name.strip()}.{part}" for name in names for part in "wxyz")))
+    return [named if k == header else line.replace("\t", ",") for k, line in enumerate(rows)]
+
+
+def _names_in_comment(lines: list[str], heading: Heading) -> tuple[str, ...]:
+    """Return the names in the last comment before the data, if it has as many as there are columns; else none."""
+    places = [k for k, line in enumerate(lines) if not line.startswith(COMMENT)]
+    first = places[heading.before]
+    if first == 0 or not lines[first - 1].startswith(COMMENT):
+        return ()
+    names = split_header(lines[first - 1], heading.delimiter)
+    return names if len(names) == len(split_row(lines[first], heading.delimiter)) else ()
 
 
 def _first_lines(source: SourceFile) -> list[str]:
@@ -83,22 +132,10 @@ def _first_lines(source: SourceFile) -> list[str]:
         lines.pop()  # cut off in the middle
     if start and not start.strip():
         raise ReaderError(f"{source.name} has no lines of text: record again, or give another file")
-    if any(len(line) > MAX_LINE_BYTES for line in lines[:_HEAD_LINES]) or (start and not lines):
+    if any(len(line) > MAX_LINE_BYTES for line in lines[:_LINES_MEASURED]) or (start and not lines):
         raise ReaderError(f"{source.name} has lines of over {MAX_LINE_BYTES} bytes; it is not a table of numbers")
     texts = (line.decode("utf-8", "replace") for line in lines)
-    return _without_comments([text for text in texts if text.strip(_NOTHING)])[:_HEAD_LINES]
-
-
-def _without_comments(lines: list[str]) -> list[str]:
-    """Drop comments, but for the last one before the data if it names as many columns as there are."""
-    rows = [line for line in lines if not line.startswith(COMMENT)]
-    before = lines.index(rows[0]) if rows else 0
-    if before:
-        delimiter = _delimiter_of(rows[0])
-        cells = split_row(rows[0], delimiter)
-        if is_numeric_row(cells) and len(split_header(lines[before - 1], delimiter)) == len(cells):
-            return [lines[before - 1], *rows]
-    return rows
+    return [text for text in texts if text.strip(_NOTHING)][:_HEAD_LINES]
 
 
 @dataclass(frozen=True)
@@ -113,38 +150,65 @@ class Layout:
     """0-based columns to read, in the order wanted."""
     names: tuple[str, ...]
     """What each of them is called in messages."""
+    time: int | None = None
+    """Which of ``columns`` may hold dates and clock times."""
+    width: int = 0
+    """Columns that the header names; 0 where rows need not be compared with it."""
+    header: str = ""
+    """The header's line: where it stands again, another session starts."""
+    tabs_as_commas: bool = False
+    """Whether tabs separate what commas separate too."""
 
 
-def read_table(source: SourceFile, layout: Layout) -> tuple[FloatArray, tuple[str, ...]]:
+@dataclass(frozen=True, eq=False)
+class TableRows:
+    """Wanted columns of a text file."""
+
+    values: FloatArray
+    """(rows, columns) numbers, NaN for holes; row k is the k-th non-blank line after the header."""
+    notes: tuple[str, ...]
+    """What was left out."""
+    starts: IntArray
+    """Rows with which another session starts: the header stands again before them."""
+
+
+def read_table(source: SourceFile, layout: Layout, holes: bool = True) -> TableRows:
     """Read the wanted columns of a text file.
 
     A last line that has no line end and fewer columns than the first was being written when the recorder died: it is
     left out.
 
-    Returns
-    -------
-    rows
-        (rows, len(layout.columns)) finite numbers; row k is the k-th non-blank line after the header.
-    notes
-        What was left out.
-
     Raises
     ------
     ReaderError
-        Too large, a line too long, a cell that is not a finite number (names line and column), or no rows.
+        Too large, a line too long, a cell that is not a finite number, or a hole where ``holes`` is not set, or a row
+        wider or narrower than the header (each names the line); or no rows.
     """
     if os.fstat(source.file.fileno()).st_size > MAX_FILE_BYTES:
         raise ReaderError(f"{source.name} is larger than {MAX_FILE_BYTES // 2**30} GiB; cut it into trials first")
     rows = _DataRows(source, layout)
     try:
-        table = rows.load()
-    except (ValueError, IndexError) as error:
-        raise _first_fault(source, layout, str(error)) from error
-    if len(table) == 0:
+        values = rows.load(None)
+        if np.isinf(values).any():
+            raise _first_fault(source, layout, "a number is not finite", holes)
+    except (ValueError, IndexError):
+        rows = _DataRows(source, layout)
+        time = None if layout.time is None else layout.columns[layout.time]
+        try:
+            values = rows.load({column: moment_s if column == time else number for column in layout.columns})
+        except (ValueError, IndexError, OverflowError) as error:
+            raise _first_fault(source, layout, str(error), holes) from error
+    if len(values) == 0:
         raise ReaderError(f"{source.name} has no data rows: record again, or give another file")
-    if not np.isfinite(table).all():
-        raise _first_fault(source, layout, "a number is not finite")
-    return table, ("the last line is cut off and left out",) if rows.cut else ()
+    if not holes and np.isnan(values).any():
+        raise _first_fault(source, layout, "a number is not finite", holes)
+    notes = ("the last line is cut off and left out",) if rows.cut else ()
+    return TableRows(values, notes, np.array(rows.starts, dtype=np.int64))
+
+
+def read_texts(source: SourceFile, layout: Layout) -> list[str]:
+    """Return the cells of the first of the wanted columns, as text: one per row of :func:`read_table`."""
+    return list(_DataRows(source, layout).texts())
 
 
 class _DataRows:
@@ -153,26 +217,39 @@ class _DataRows:
     def __init__(self, source: SourceFile, layout: Layout) -> None:
         self.cut = False
         """Whether the last line was left out; known after :meth:`load`."""
+        self.starts: list[int] = []
+        """Rows before which the header stands again."""
         self._source = source
         self._layout = layout
+        self._skip = layout.header_lines  # lines before the data that are still to come
         self._width = 0  # columns of the first row; 0 before it
+        self._n = 0  # rows before the block under way
 
-    def load(self) -> FloatArray:
+    def load(self, converters: dict[int | str, Callable[[str], float]] | None) -> FloatArray:
         layout = self._layout
         with self._source.text() as file:
             lines = chain.from_iterable(self._blocks(file))
-            first = next(islice(filter(_is_data, lines), layout.header_lines, None), None)
+            first = next(filter(_is_data, lines), None)
             if first is None:
                 return np.empty((0, len(layout.columns)))
-            self._width = len(first.split(layout.delimiter))
-            return np.loadtxt(
+            values: FloatArray = np.loadtxt(
                 chain((first,), lines),
+                dtype=np.float64,
                 delimiter=layout.delimiter,
                 usecols=layout.columns,
+                converters=converters,
                 comments=COMMENT,
                 quotechar='"',
                 ndmin=2,
             )
+            return values
+
+    def texts(self) -> Iterator[str]:
+        column = self._layout.columns[0]
+        with self._source.text() as file:
+            for line in filter(_is_data, chain.from_iterable(self._blocks(file))):
+                cells = split_cells(line.split(COMMENT, 1)[0], self._layout.delimiter)
+                yield cells[column] if column < len(cells) else ""
 
     def _blocks(self, file: TextIO) -> Iterator[list[str]]:
         """Yield the lines, many at a time: numpy takes whole blocks of them as fast as a file of its own."""
@@ -185,60 +262,111 @@ class _DataRows:
                 raise ReaderError(
                     f"{self._source.name} has a line longer than {MAX_LINE_BYTES} bytes; it is not a table of numbers"
                 )
-            yield lines
+            yield self._rows_of(lines)
         if _is_data(rest):
-            self.cut = len(rest.split(self._layout.delimiter)) < self._width
-            yield [] if self.cut else [rest]
+            self.cut = not self._skip and len(rest.split(self._layout.delimiter)) < self._width
+            yield [] if self.cut else self._rows_of([rest])
+
+    def _rows_of(self, lines: list[str]) -> list[str]:
+        """Return those of the lines that are rows of data, blank ones and comments among them.
+
+        Raises ValueError for a row wider or narrower than the header.
+        """
+        layout = self._layout
+        if self._skip:
+            places = [k for k, line in enumerate(lines) if _is_data(line)][: self._skip]
+            self._skip -= len(places)
+            lines = lines[places[-1] + 1 if not self._skip and places else len(lines) :]
+        if layout.tabs_as_commas:
+            lines = [line.replace("\t", ",") for line in lines]
+        if layout.header and layout.header in lines:
+            lines = self._without_headers(lines)
+        if not self._width:
+            first = next(filter(_is_data, lines), None)
+            self._width = 0 if first is None else len(first.split(layout.delimiter))
+        if layout.width:
+            _check_widths(lines, layout)
+        self._n += sum(map(_is_data, lines))
+        return lines
+
+    def _without_headers(self, lines: list[str]) -> list[str]:
+        """Return the lines without headers that stand again, and note the rows that follow them."""
+        kept: list[str] = []
+        for line in lines:
+            if line != self._layout.header:
+                kept.append(line)
+                continue
+            # A program that appends may write its lines about the recording again, too.
+            while kept and not is_data_row(split_cells(kept[-1], self._layout.delimiter)):
+                kept.pop()
+            self.starts.append(self._n + sum(map(_is_data, kept)))
+        return kept
+
+
+def _check_widths(lines: list[str], layout: Layout) -> None:
+    """Raise ValueError where a row has more cells than the header names, or fewer."""
+    if layout.delimiter is None:
+        widths = {len(line.split()) for line in lines}
+    else:
+        widths = {line.count(layout.delimiter) + 1 for line in lines}
+    if widths <= {layout.width}:
+        return
+    for line in lines:
+        if _is_data(line) and not _fits(line, layout):
+            raise ValueError(line)
+
+
+def _fits(line: str, layout: Layout) -> bool:
+    """Return whether a row has as many columns as the header; empty cells at the end count for nothing."""
+    cells = split_cells(line.split(COMMENT, 1)[0], layout.delimiter)
+    if len(cells) < layout.width:
+        return False
+    return not any(cells[layout.width :])
 
 
 def _is_data(line: str) -> bool:
     return bool(line.strip(_NOTHING)) and not line.lstrip().startswith(COMMENT)
 
 
-def _first_fault(source: SourceFile, layout: Layout, seen: str) -> ReaderError:
+def _first_fault(source: SourceFile, layout: Layout, seen: str, holes: bool) -> ReaderError:
     """Return an error that names the first cell that is not a finite number, or else what was ``seen``."""
     with source.text() as file:
-        data = ((number, line) for number, line in enumerate(file, start=1) if _is_data(line))
-        for number, line in islice(data, layout.header_lines, None):
-            where = f"{source.name} line {number}"
-            cells = line.strip(" \n").split(COMMENT, 1)[0].split(layout.delimiter)
-            for column, name in zip(layout.columns, layout.names, strict=True):
-                if column >= len(cells):
-                    return ReaderError(
-                        f"{where}: {len(cells)} columns, but {plain(name)} is column {column + 1}; "
-                        "correct or remove that line"
-                    )
-                cell = _bare(cells[column])
-                if not _is_number(cell):
-                    what = f"'{plain(cell)}' is not a number" if cell else "nothing where a number should be"
-                    comma = layout.delimiter != "," and _DECIMAL_COMMA.match(cell)
-                    # A warning of a result may quote this sentence (T42), so its words are values.
-                    remedy = "save the file with decimal points" if comma else "correct or remove that line"
-                    return ReaderError(f"{where}: {what} in column {plain(name)}; {remedy}")
+        data = ((n, line) for n, line in enumerate(file, start=1) if _is_data(line))
+        for n, line in islice(data, layout.header_lines, None):
+            if layout.header and line.strip() == layout.header.strip():
+                continue
+            text = line.replace("\t", ",") if layout.tabs_as_commas else line
+            fault = _fault_of(text.strip(" \n").split(COMMENT, 1)[0], layout, holes)
+            if fault is not None:
+                return ReaderError(f"{source.name} line {n}: {fault}")
     return ReaderError(f"{source.name} cannot be read as numbers: {plain(seen, 200)}")
 
 
-def _bare(cell: str) -> str:
-    return cell.strip().strip('"').strip()
-
-
-def _is_number(cell: str) -> bool:
-    if "_" in cell:  # float() takes 1_0, the fast parser does not
-        return False
-    try:
-        return math.isfinite(float(cell))
-    except ValueError:
-        return False
-
-
-def _delimiter_of(line: str) -> str | None:
-    """Return the column separator of a line: semicolon, tab or comma; None for white space."""
-    return next((mark for mark in (";", "\t", ",") if mark in line), None)
+def _fault_of(line: str, layout: Layout, holes: bool) -> str | None:
+    """Return what is wrong with a row and the remedy; None where nothing is."""
+    cells = split_cells(line, layout.delimiter)
+    for column, name in zip(layout.columns, layout.names, strict=True):
+        if column >= len(cells):
+            return f"{len(cells)} columns, but {plain(name)} is column {column + 1}; correct or remove that line"
+    if layout.width and not _fits(line, layout):
+        many = "decimal commas, or a name missing?" if len(cells) > layout.width else "a cell or a separator missing?"
+        return f"{len(cells)} columns, but the header names {layout.width}: {many} Correct that line or the header"
+    for place, (column, name) in enumerate(zip(layout.columns, layout.names, strict=True)):
+        cell, kind = cells[column], kind_of(cells[column])
+        if kind is CellKind.NUMBER or (kind is CellKind.MOMENT and place == layout.time):
+            continue
+        if kind is CellKind.HOLE and holes:
+            continue
+        what = f"'{plain(cell)}' is not a number" if cell else "nothing where a number should be"
+        # A warning of a result may quote this sentence (T42), so its words are values.
+        remedy = DECIMAL_POINTS if kind is CellKind.DECIMAL_COMMA else "correct or remove that line"
+        return f"{what} in column {plain(name)}; {remedy}"
+    return None
 
 
 def split_row(line: str, delimiter: str | None) -> list[str]:
     """Return the cells of a line, without spaces and quotes around them; empty cells at the end are dropped."""
-    cells = [_bare(cell) for cell in line.split(delimiter)]
+    cells = split_cells(line, delimiter)
     while cells and not cells[-1]:
         cells.pop()
     return cells
@@ -249,12 +377,7 @@ def split_header(line: str, delimiter: str | None = ",") -> tuple[str, ...]:
 
     Raises ReaderError for more than ``MAX_COLUMNS`` columns.
     """
-    names = tuple(_bare(name) for name in line.removeprefix(COMMENT).split(delimiter))
+    names = tuple(split_cells(line.removeprefix(COMMENT), delimiter))
     if len(names) > MAX_COLUMNS:
         raise ReaderError(f"the header has {len(names)} columns; at most {MAX_COLUMNS} make sense")
     return names
-
-
-def is_numeric_row(cells: Sequence[str]) -> bool:
-    """Return whether all cells of a line, from :func:`split_row`, are numbers."""
-    return bool(cells) and all(_is_number(cell) for cell in cells)

@@ -10,30 +10,44 @@ from typing import Any
 
 import numpy as np
 
-from analysis.formats.text_table import COMMENT, Layout, TextTable, is_numeric_row, read_table, split_row
+from analysis.formats.rows.cells import is_numeric_row
+from analysis.formats.rows.names import recognise
+from analysis.formats.text_table import COMMENT, Layout, TextTable, read_table, split_row
 from analysis.formats.time_stamps import RawSamples
 from analysis.geometry import rotations
 from analysis.series import FloatArray, OrientationSeries
 
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 
+_LINES = 20  # looked at
+
 
 def is_tum(table: TextTable) -> bool:
-    """Return whether a file is a TUM trajectory: eight numbers without commas, two damaged lines at most."""
-    rows = [row for line in table.lines if (row := split_row(line.split(COMMENT, 1)[0], None))]
+    """Return whether a file is a TUM trajectory: eight numbers without commas, two damaged lines at most.
+
+    One whose header names the quaternion in another order is not: it is read by its header.
+    """
+    found = recognise(table.names) if table.names else None
+    if found is not None and found.quaternions:
+        parts = next(iter(found.quaternions.values()))
+        if [table.names.index(parts[key]) for key in ("qx", "qy", "qz", "qw")] != [4, 5, 6, 7]:
+            return False
+    rows = [row for line in table.lines[:_LINES] if (row := split_row(line.split(COMMENT, 1)[0], None))]
     sound = [row for row in rows if len(row) == len(COLUMNS) and is_numeric_row(row)]
     return bool(rows) and len(sound) >= max(1, len(rows) - 2)
 
 
 def read_tum(table: TextTable) -> RawSamples:
     """Read a TUM trajectory; raises ReaderError for a cell that is not a number."""
-    values, cut = read_table(table.source, Layout(None, 0, tuple(range(len(COLUMNS))), COLUMNS))
+    read = read_table(table.source, Layout(None, table.header_lines, tuple(range(len(COLUMNS))), COLUMNS))
+    values = read.values
     return RawSamples(
         quats_wxyz=rotations.from_xyzw(values[:, 4:8]),
         times_s=values[:, 0].copy(),
         positions_m=values[:, 1:4].copy(),
         convention="TUM trajectory: quaternion x,y,z,w, Hamilton, body to world",
-        notes=("TUM trajectory: time in s, positions in m", *cut),
+        notes=("TUM trajectory: time in s, positions in m", *read.notes),
+        starts=read.starts,
     )
 
 

@@ -27,6 +27,16 @@ def is_ximu3(table: TextTable) -> bool:
     return split_header(table.lines[0])[0] == QUATERNION_HEADER[0]
 
 
+def is_diagnostic(path: Path) -> bool:
+    """Return whether a file is one that the x-IMU3 software writes beside the quaternions, by its first line."""
+    try:
+        with path.open("rb") as file:
+            first = file.readline(1_000).decode("utf-8-sig", "replace").strip()
+    except OSError:
+        return False
+    return first.startswith(QUATERNION_HEADER[0] + ",") and split_header(first) != QUATERNION_HEADER
+
+
 def read_ximu3(table: TextTable) -> RawSamples:
     """Read an x-IMU3 quaternion file, and the accelerometer file beside it where there is one.
 
@@ -37,7 +47,8 @@ def read_ximu3(table: TextTable) -> RawSamples:
         raise ReaderError(
             f"{source.name} is an x-IMU3 file without quaternions; give the Quaternion.csv of the same folder"
         )
-    values, cut = read_table(source, Layout(",", 1, tuple(range(5)), QUATERNION_HEADER))
+    read = read_table(source, Layout(",", 1, tuple(range(5)), QUATERNION_HEADER, width=5, header=table.lines[0]))
+    values = read.values
     times_s = values[:, 0] * TIME_UNITS["us"]
     accelerations, note = _accelerations(source.path.with_name(INERTIAL_NAME), times_s)
     return RawSamples(
@@ -45,7 +56,8 @@ def read_ximu3(table: TextTable) -> RawSamples:
         times_s=times_s,
         accelerations_mps2=accelerations,
         convention="x-IMU3: quaternion w,x,y,z, Hamilton, sensor to Earth",
-        notes=("x-IMU3 layout: time in us", *cut, *note),
+        notes=("x-IMU3 layout: time in us", *read.notes, *note),
+        starts=read.starts,
     )
 
 
@@ -57,7 +69,7 @@ def _accelerations(path: Path, times_s: FloatArray) -> tuple[FloatArray | None, 
         with SourceFile(path) as source:
             header = split_header(TextTable(source).lines[0])
             columns = tuple(header.index(name) for name in ACCELEROMETER)
-            table, _ = read_table(source, Layout(",", 1, columns, ACCELEROMETER))
+            table = read_table(source, Layout(",", 1, columns, ACCELEROMETER), holes=False).values
     except (ReaderError, ValueError, OSError):
         return None, (f"{INERTIAL_NAME} beside it could not be used",)
     order = np.argsort(table[:, 0], kind="stable")

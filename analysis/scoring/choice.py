@@ -16,8 +16,10 @@ import io
 import math
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
+from analysis.formats.rows.cells import DECIMAL_POINTS, SEPARATORS, CellKind, bare, kind_of, number
 from analysis.formats.source import plain
 from analysis.formats.text_table import MAX_FILE_BYTES
 from analysis.series import ReaderError
@@ -25,6 +27,7 @@ from analysis.series import ReaderError
 MAX_ENDPOINTS = 1_000_000
 _NAMES = ("row", "sequence", "time_s")  # columns of a CSV
 _KINDS = (*_NAMES, "index")
+_DECIMAL_COMMAS = re.compile(r"\d+,\d+s?")
 _AROUND = " \t\r\n,;[]"  # a list may be copied with its brackets
 
 
@@ -91,6 +94,11 @@ def parse_endpoints(text: str) -> EndpointChoice:
 
 def _parse_list(text: str, source: str = "given") -> EndpointChoice | None:
     """Parse numbers between commas, semicolons or blanks; None where there is anything else."""
+    parts = [part for part in re.split(r"[;\n\t ]+", text.strip(_AROUND)) if part.strip()]
+    if len(parts) > 1 and all(_DECIMAL_COMMAS.fullmatch(part.strip()) for part in parts):
+        flat = [float(value) for part in parts for value in part.strip().removesuffix("s").split(",")]
+        if any(after <= before for before, after in pairwise(flat)):  # else they may be rows, two in a line
+            raise ReaderError(f"'{plain(parts[0])}' is not a number; {DECIMAL_POINTS}")
     kinds, values = set(), []
     for part in re.split(r"[,;\s]+", text.strip(_AROUND)):
         kinds.add("time_s" if part.endswith("s") or "." in part else "index")
@@ -118,26 +126,32 @@ def load_endpoints(path: Path) -> EndpointChoice:
 
 
 def _parse_csv(text: str, path: Path) -> EndpointChoice:
+    name = plain(path.name, 80)
+    first = next((line for line in text.splitlines() if line.strip()), "")
+    delimiter = next((mark for mark in SEPARATORS if mark in first), ",")
     try:
-        rows = [row for row in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in row)]
+        read = csv.reader(io.StringIO(text), delimiter=delimiter)
+        rows = [(read.line_num, row) for row in read if any(cell.strip() for cell in row)]
     except csv.Error as error:
-        raise ReaderError(f"{plain(path.name, 80)} is not a CSV: {plain(str(error), 80)}") from error
-    header = [cell.strip().lower() for cell in rows[0]] if rows else []
-    kinds = [name for name in _NAMES if name in header]
+        raise ReaderError(f"{name} is not a CSV: {plain(str(error), 80)}") from error
+    header = [bare(cell).lower() for cell in rows[0][1]] if rows else []
+    kinds = [kind for kind in _NAMES if kind in header]
     if len(kinds) != 1:
-        raise ReaderError(
-            f"{plain(path.name, 80)} is not a list of numbers, so it needs a header with one of row, sequence, time_s"
-        )
+        raise ReaderError(f"{name} is not a list of numbers, so it needs a header with one of row, sequence, time_s")
     place = header.index(kinds[0])
     why = header.index("reason") if "reason" in header else None
     values, reasons = [], []
-    for number, row in enumerate(rows[1:], start=2):
-        try:
-            values.append(float(row[place]))
-        except (ValueError, IndexError):
-            cell = row[place] if place < len(row) else ""
+    for line, row in rows[1:]:
+        cell = bare(row[place]) if place < len(row) else ""
+        if any(extra.strip() for extra in row[len(header) :]):
             raise ReaderError(
-                f"{plain(path.name, 80)} line {number}: '{plain(cell)}' is not a number in column {kinds[0]}"
-            ) from None
+                f"{name} line {line}: {len(row)} columns, but the header names {len(header)}; of decimal commas, "
+                f"{DECIMAL_POINTS}; put a reason with a comma in quotes"
+            )
+        kind = kind_of(cell)
+        if kind is not CellKind.NUMBER:
+            remedy = f"; {DECIMAL_POINTS}" if kind is CellKind.DECIMAL_COMMA else ""
+            raise ReaderError(f"{name} line {line}: '{plain(cell)}' is not a number in column {kinds[0]}{remedy}")
+        values.append(number(cell))
         reasons.append(plain(row[why].strip(), 200) if why is not None and why < len(row) else "")
     return EndpointChoice(kinds[0], tuple(values), tuple(reasons) if any(reasons) else (), str(path))

@@ -38,7 +38,7 @@ from analysis.scoring.result_parts import (
 )
 from analysis.scoring.trust import with_figures
 from analysis.sensor.baseline import StaticBaseline
-from analysis.series import FloatArray, OrientationSeries, SeriesError
+from analysis.series import LEFT_OUT_LIMIT, FloatArray, OrientationSeries, SeriesError
 
 MIN_CYCLES = 3
 """Fewer cycles are refused. A cycle runs from one end point to the next: 3 cycles are 4 end points and 3 steps."""
@@ -110,7 +110,7 @@ def score_series(
         selection = _edited(series, endpoints)
     else:
         selection = _edited(series, EndpointChoice("index", tuple(map(float, endpoints))))
-    reasons = list(selection.reasons)
+    reasons = [*selection.reasons, *(_missed(series) if window is None and endpoints is None else ())]
     points, left_out, not_found = _exclude(selection.endpoints, excluded)
     counted = len(points) - len(left_out)
     if counted <= MIN_CYCLES and not reasons:
@@ -153,6 +153,15 @@ def score_series(
     if reasons:
         return result
     return with_figures(result, series, selection.other, baseline, preceding if as_published else None)
+
+
+def _missed(series: OrientationSeries) -> tuple[str, ...]:
+    """Return why a recording of which much was left out is not valid as a whole."""
+    share = sum(part.share for part in series.left_out)
+    if share <= LEFT_OUT_LIMIT:
+        return ()
+    parts = "; ".join(part.sentence for part in series.left_out)
+    return (f"too much was left out: {parts}; choose what to score with --from and --to, or with --endpoints",)
 
 
 def _searched(

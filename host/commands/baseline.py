@@ -94,9 +94,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
-    from host.results.any_file import ReadOptions, read_recording
+    from host.results.any_file import read_recording
+    from host.results.arguments import reading_of
 
-    series, trial = read_recording(path, ReadOptions(args.columns, args.rate, args.topic, args.node))
+    series, trial = read_recording(path, reading_of(args))
     return series, () if trial is None else trial.temperatures_c
 
 

@@ -48,14 +48,15 @@ def run(args: argparse.Namespace) -> int:
     from analysis.series import WriterError
     from host.errors import UsageError, already_there, unwritable
     from host.output.lines import write_line, write_note
-    from host.results.any_file import ReadOptions, read_recording, score_recording
+    from host.results.any_file import read_recording, score_recording
+    from host.results.arguments import reading_of
 
     kind = args.to or SUFFIXES.get(args.out.suffix.lower())
     if kind is None:
         raise UsageError(
             f"the name {args.out.name} does not show a format", f"choose one with --to {{{','.join(FORMATS)}}}"
         )
-    reading = ReadOptions(args.columns, args.rate, args.topic, args.node)
+    reading = reading_of(args)
     result = None
     if kind in {"endpoints", "mat"}:
         scored = score_recording(args.file, None, reading)

@@ -112,6 +112,9 @@ def _source(path: Path, args: argparse.Namespace) -> TrialSource:
         rate_hz=args.rate,
         topic=args.topic,
         node=args.node,
+        sensor=args.sensor,
+        channel=args.channel,
+        session=args.session,
     )
     beside = path.with_suffix(".endpoints.csv")
     try:
@@ -131,10 +134,11 @@ def _window_s(path: Path, args: argparse.Namespace) -> tuple[float | None, float
     """Return the window in seconds: a submission holds times, not the names of markers."""
     if not isinstance(args.start, str) and not isinstance(args.end, str):
         return args.start, args.end
-    from host.results.any_file import ReadOptions, read_recording
+    from host.results.any_file import read_recording
+    from host.results.arguments import reading_of
     from host.results.window import resolve_window
 
-    _, trial = read_recording(path, ReadOptions(args.columns, args.rate, args.topic, args.node))
+    _, trial = read_recording(path, reading_of(args))
     return resolve_window((args.start, args.end), trial)
 
 

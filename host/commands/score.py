@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from host.errors import UsageError
     from host.output.lines import write_json, write_text
-    from host.results.any_file import score_recording
+    from host.results.any_file import SeveralInFileError, score_recording
     from host.results.arguments import window
     from host.results.batch import expand
 
@@ -83,7 +83,13 @@ def run(args: argparse.Namespace) -> int:
     files = expand(args.files)
     if len(files) > 1 or files != args.files:
         return _run_many(files, args)
-    scored = score_recording(files[0], *_choices(args))
+    try:
+        scored = score_recording(files[0], *_choices(args))
+    except SeveralInFileError as error:
+        # Sessions are trials of their own: each is scored. Of sensors, channels and nodes a person has to choose.
+        if error.kind != "session" or _belongs_to_one(args):
+            raise
+        return _run_many(files, args)
     result = scored.result
     if args.plot is not None:
         _plot(args.plot, files[0], scored)
@@ -116,14 +122,8 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
     from host.results.csv_rows import results_csv
     from host.results.printout import print_batch
 
-    for name, value in (
-        ("--endpoints", args.endpoints),
-        ("--plot", args.plot),
-        ("--exclude", args.exclude),
-        ("--preceding", args.preceding),
-    ):
-        if value:
-            raise UsageError(f"{name} belongs to one recording, here are {len(files)}", "score that one alone")
+    if name := _belongs_to_one(args):
+        raise UsageError(f"{name} belongs to one recording, here are {len(files)}", "score that one alone")
     console = open_error_console()
     with Progress(
         TextColumn("scoring"), BarColumn(), MofNCompleteColumn(), console=console, transient=True,
@@ -136,7 +136,11 @@ def _run_many(files: list[Path], args: argparse.Namespace) -> int:
 
         rows = score_many(files, report, *_choices(args))
     if args.json:
-        results = [{"file": str(row.path), "error": row.error, "result": row.result} for row in rows]
+        results = [
+            {"file": str(row.path), "error": row.error, "result": row.result}
+            | ({} if row.session is None else {"session": row.session})
+            for row in rows
+        ]
         write_json(result_text({"results": results}))
     elif args.csv:
         write_text(results_csv(rows))
@@ -151,6 +155,17 @@ def _rows(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 2 <= int(text) < 10**9:
         raise argparse.ArgumentTypeError(f"{text!r} is neither a number from 2 on nor `all`")
     return int(text)
+
+
+def _belongs_to_one(args: argparse.Namespace) -> str:
+    """Return which option given makes sense for a single recording only; empty for none."""
+    options = (
+        ("--endpoints", args.endpoints),
+        ("--plot", args.plot),
+        ("--exclude", args.exclude),
+        ("--preceding", args.preceding),
+    )
+    return next((name for name, value in options if value), "")
 
 
 def _check_plot(path: Path | None) -> None:
@@ -191,12 +206,11 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions]:
     from analysis.scoring.choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError
-    from host.results.any_file import ReadOptions
-    from host.results.arguments import excluded, window
+    from host.results.arguments import excluded, reading_of, window
     from host.results.preceding import preceding_endpoints
     from host.results.result import ScoreOptions
 
-    reading = ReadOptions(args.columns, args.rate, args.topic, args.node)
+    reading = reading_of(args)
     try:
         chosen = None if args.endpoints is None else parse_endpoints(args.endpoints)
     except ReaderError as error:

@@ -6,13 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import IO
 
+from analysis.formats import StreamChoice
 from firmware_protocol.can.mapping import MAX_NODE, MIN_NODE
 from host.errors import FileError, UsageError
 from host.links.can.logs import read_can_log
 from host.recording.load import RecordedTrial, assemble
 
 
-def load_can_log(path: Path, node: int | None = None, file: IO[bytes] | None = None) -> RecordedTrial:
+def load_can_log(
+    path: Path, node: int | None = None, file: IO[bytes] | None = None, choice: StreamChoice | None = None
+) -> RecordedTrial:
     """Read a candump log, ASC, BLF, or a CSV of python-can.
 
     Parameters

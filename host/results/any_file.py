@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.formats import SourceFile, is_mcap, read_series
+from analysis.formats import SeveralStreamsError, SourceFile, StreamChoice, is_mcap, read_series
 from analysis.scoring.result import Result
 from analysis.series import AnalysisError, OrientationSeries, SeriesError
 from firmware_protocol.packets import Info
@@ -28,6 +28,30 @@ class ReadOptions:
     """Which topic of a bag."""
     node: int | None = None
     """Node id of the object in the log of a CAN tool; None for the first that is heard."""
+    choice: StreamChoice = StreamChoice()
+    """Which sensor, channel or session, where a file holds several."""
+
+
+class SeveralInFileError(FileError):
+    """A file holds several sensors, channels, nodes or sessions, and none was chosen.
+
+    Parameters
+    ----------
+    message : str
+        The sentence about it.
+    kind : str
+        What there are several of.
+    names : tuple of str
+        Which there are.
+    """
+
+    def __init__(self, message: str, kind: str, names: tuple[str, ...]) -> None:
+        super().__init__(message)
+        self.kind = kind
+        self.names = names
+
+    def __reduce__(self) -> tuple[type[SeveralInFileError], tuple[str, str, tuple[str, ...]]]:
+        return type(self), (str(self), self.kind, self.names)  # it travels between processes
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +88,20 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
             elif can_log_kind(source.head) is not None:
                 from host.recording.can_logs import load_can_log  # loads python-can
 
-                trial = load_can_log(path, reading.node, source.rewound())
+                trial = load_can_log(path, reading.node, source.rewound(), reading.choice)
             else:
-                series = read_series(source, columns=reading.columns, rate_hz=reading.rate_hz, topic=reading.topic)
+                series = read_series(
+                    source,
+                    columns=reading.columns,
+                    rate_hz=reading.rate_hz,
+                    topic=reading.topic,
+                    choice=reading.choice,
+                )
                 return series, None
     except OSError as error:
         raise unreadable(path, error) from error
+    except SeveralStreamsError as error:
+        raise SeveralInFileError(f"{path.name} holds {error}", error.kind, error.names) from error
     except AnalysisError as error:
         raise FileError(str(error)) from error
     return trial.series, trial

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from analysis.scoring.result_parts import ExcludedCycle
+    from host.results.any_file import ReadOptions
     from host.results.window import Bound, Window
 
 
@@ -20,6 +21,18 @@ def add_read_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--node", type=int, metavar="N", help="node id of the object in a CAN log; else the first heard"
     )
+    parser.add_argument("--channel", metavar="NAME", help="which channel of a CAN log or an MCAP file holding several")
+    parser.add_argument("--sensor", metavar="NAME", help="which sensor of a file holding several")
+    parser.add_argument("--session", type=int, metavar="N", help="which session of a file holding several, from 1 on")
+
+
+def reading_of(args: argparse.Namespace) -> ReadOptions:
+    """Return how to read a file, as the arguments of :func:`add_read_arguments` choose."""
+    from analysis.formats import StreamChoice
+    from host.results.any_file import ReadOptions
+
+    choice = StreamChoice(sensor=args.sensor, channel=args.channel, session=args.session)
+    return ReadOptions(args.columns, args.rate, args.topic, args.node, choice)
 
 
 def add_window_arguments(parser: argparse.ArgumentParser, note: str = "") -> None:

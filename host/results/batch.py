@@ -9,17 +9,18 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import active_children, get_context
 from pathlib import Path
 
+from analysis.formats import is_diagnostic
 from analysis.scoring.result import Result
 from host.errors import FileError, HostError, UsageError
 from host.output.streams import install
-from host.results.any_file import ReadOptions, score_recording
+from host.results.any_file import ReadOptions, SeveralInFileError, score_recording
 from host.results.result import ScoreOptions
 
-SUFFIXES = frozenset({".bag", ".csv", ".mcap", ".parquet", ".pq", ".tum", ".txt"})
+SUFFIXES = frozenset({".bag", ".csv", ".mcap", ".parquet", ".pq", ".sto", ".tsv", ".tum", ".txt"})
 """What counts as a recording in a folder; the format itself is recognised from the content."""
 MAX_FILES = 10_000
 
@@ -34,12 +35,14 @@ class BatchRow:
     error: str | None
     exit_code: int
     """As if the file had been scored alone: 0, 1 (not valid), 2 or 4."""
+    session: int | None = None
+    """Which session of the file, where it holds several; from 1 on."""
 
 
 def expand(paths: Sequence[Path]) -> list[Path]:
     """Return the paths with folders replaced by the recordings in them, at any depth, in the order of their names.
 
-    A ROS 2 bag is a folder too, and stays one.
+    A ROS 2 bag is a folder too, and stays one. What x-IMU3 writes beside its quaternions is passed over.
 
     Raises
     ------
@@ -71,7 +74,10 @@ def _inside(folder: Path) -> Iterator[Path]:
         yield from (
             here / name
             for name in files
-            if Path(name).suffix.lower() in SUFFIXES and not name.startswith(".") and ".endpoints." not in name
+            if Path(name).suffix.lower() in SUFFIXES
+            and not name.startswith(".")
+            and ".endpoints." not in name
+            and not is_diagnostic(here / name)
         )
 
 
@@ -88,35 +94,38 @@ def score_many(
 ) -> list[BatchRow]:
     """Score files in parallel, by default with one process per core; the rows are in the order of ``paths``.
 
+    A file of several sessions has a row for each.
+
     ``report`` is called in this process whenever a file is done, in any order. Every file is scored as
     :func:`host.results.any_file.score_recording` would with these options.
     """
     paths = list(paths)
-    rows: dict[int, BatchRow] = {}
+    rows: dict[int, tuple[BatchRow, ...]] = {}
     unfinished = []
     workers = min(workers or os.cpu_count() or 1, len(paths), 61)  # 61: what Windows can wait for
     with _pool(workers) as pool:
         with _interrupts_not_inherited():
-            jobs = {pool.submit(score_row, path, options, reading): number for number, path in enumerate(paths)}
+            jobs = {pool.submit(score_rows, path, options, reading): number for number, path in enumerate(paths)}
         for job in as_completed(jobs):
             try:
-                rows[jobs[job]] = row = job.result()
+                rows[jobs[job]] = found = job.result()
             except BrokenProcessPool:
                 unfinished.append(jobs[job])
                 continue
-            report(row)
+            report(found[-1])
     # A process that is killed, e.g. for want of memory, ends the pool: whatever it did not finish is scored alone.
     for number in sorted(unfinished):
         with _pool(1) as pool:
             with _interrupts_not_inherited():
-                job = pool.submit(score_row, paths[number], options, reading)
+                job = pool.submit(score_rows, paths[number], options, reading)
             try:
-                row = job.result()
+                found = job.result()
             except BrokenProcessPool:
-                row = BatchRow(paths[number], None, "the process that scored it was killed: not enough memory?", 4)
-        rows[number] = row
-        report(row)
-    return [rows[number] for number in range(len(paths))]
+                killed = "the process that scored it was killed: not enough memory?"
+                found = (BatchRow(paths[number], None, killed, 4),)
+        rows[number] = found
+        report(found[-1])
+    return [row for number in range(len(paths)) for row in rows[number]]
 
 
 @contextmanager
@@ -150,12 +159,21 @@ def _interrupts_not_inherited() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def score_row(path: Path, options: ScoreOptions | None, reading: ReadOptions | None) -> BatchRow:
-    """Score one file; whatever is wrong with it becomes part of the row."""
+def score_rows(path: Path, options: ScoreOptions | None, reading: ReadOptions | None) -> tuple[BatchRow, ...]:
+    """Score one file, each of its sessions apart; whatever is wrong with it becomes part of the row."""
     try:
         result = score_recording(path, options, reading).result
+    except SeveralInFileError as error:
+        if error.kind != "session":
+            return (BatchRow(path, None, str(error), error.exit_code),)
+        reading = reading or ReadOptions()
+        found: list[BatchRow] = []
+        for session in range(1, len(error.names) + 1):
+            one = replace(reading, choice=replace(reading.choice, session=session))
+            found += (replace(row, session=session) for row in score_rows(path, options, one))
+        return tuple(found)
     except HostError as error:
-        return BatchRow(path, None, str(error), error.exit_code)
+        return (BatchRow(path, None, str(error), error.exit_code),)
     except Exception as error:  # noqa: BLE001 - one bad file must not stop the rest
-        return BatchRow(path, None, f"a fault of rotdrift itself ({type(error).__name__}: {error})", 4)
-    return BatchRow(path, result, None, 0 if result.valid else 1)
+        return (BatchRow(path, None, f"a fault of rotdrift itself ({type(error).__name__}: {error})", 4),)
+    return (BatchRow(path, result, None, 0 if result.valid else 1),)

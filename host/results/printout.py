@@ -243,7 +243,7 @@ def _render_batch(rows: Sequence[BatchRow], columns: Sequence[str]) -> Renderabl
         table.add_column(name, justify="right", no_wrap=True)
     reasons: list[Text] = []
     for row in rows:
-        name = plain(_tail(row.path), 200)
+        name = plain(_tail(row.path), 200) + ("" if row.session is None else f" session {row.session}")
         result = row.result
         why = (row.error,) if row.error else () if result is None else result.reasons
         reasons += [Text(f"{name}: {plain(reason, 300)}", style="yellow") for reason in why]

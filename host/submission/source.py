@@ -15,6 +15,7 @@ from typing import Annotated, TypeAlias
 
 import msgspec
 
+from analysis.formats import StreamChoice
 from analysis.scoring.choice import EndpointChoice
 from analysis.scoring.result_parts import ExcludedCycle
 from analysis.series import AnalysisError
@@ -46,11 +47,15 @@ class Choices(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     rate_hz: float | None = None
     topic: str | None = None
     node: int | None = None
+    sensor: str | None = None
+    channel: str | None = None
+    session: int | None = None
 
     @property
     def reading(self) -> ReadOptions:
         """How to read the recording."""
-        return ReadOptions(self.columns, self.rate_hz, self.topic, self.node)
+        choice = StreamChoice(self.sensor, self.channel, self.session)
+        return ReadOptions(self.columns, self.rate_hz, self.topic, self.node, choice)
 
     def options(self, baseline: Path | None) -> ScoreOptions:
         """Return how to score it, for a result that is written."""

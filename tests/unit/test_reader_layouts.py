@@ -160,7 +160,7 @@ def test_a_damaged_station_is_named(tmp_path):
 def test_ndx_in_radians_is_suspected(tmp_path):
     _, poses, positions = files.motion()
     path = tmp_path / "a.csv"
-    table = np.column_stack((np.ones(400), positions, poses.as_euler("ZYX")))
+    table = np.column_stack((np.ones(400), positions / 0.0254, poses.as_euler("ZYX")))
     path.write_text("\n".join("1," + ",".join(f"{v:.9f}" for v in row[1:]) for row in table))
     assert any("are they radians" in warning for warning in read_series(path).warnings)
 

@@ -16,7 +16,7 @@ def deadly(path, *_how):
     """Score a file, as far as the batch can tell; one name kills the process."""
     if path.name == "deadly.csv":
         os.kill(os.getpid(), signal.SIGKILL)
-    return batch.BatchRow(path, {"theta_bar_deg": 1.0}, None, 0)
+    return (batch.BatchRow(path, {"theta_bar_deg": 1.0}, None, 0),)
 
 
 def endless(path, *_how):
@@ -24,11 +24,11 @@ def endless(path, *_how):
     assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
     if path.name != "first.csv":
         threading.Event().wait(HANG_S)
-    return batch.BatchRow(path, None, None, 0)
+    return (batch.BatchRow(path, None, None, 0),)
 
 
 def test_an_interrupt_ends_the_processes(monkeypatch):
-    monkeypatch.setattr(batch, "score_row", endless)
+    monkeypatch.setattr(batch, "score_rows", endless)
     others = active_children()
 
     def interrupted(row):
@@ -43,7 +43,7 @@ def test_an_interrupt_ends_the_processes(monkeypatch):
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
 def test_a_process_that_is_killed_costs_one_file(monkeypatch):
-    monkeypatch.setattr(batch, "score_row", deadly)
+    monkeypatch.setattr(batch, "score_rows", deadly)
     paths = [Path(name) for name in ("a.csv", "deadly.csv", "b.csv", "c.csv", "d.csv")]
     told = []
     rows = batch.score_many(paths, told.append, workers=2)
