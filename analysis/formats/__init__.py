@@ -113,7 +113,7 @@ def read_series(
 
 def _raw_samples(source: SourceFile, spec: ColumnSpec | None, topic: str | None, choice: StreamChoice) -> RawSamples:
     if is_bag(source):
-        return read_ros_bag(source, topic)
+        return read_ros_bag(source, topic, choice)
     if source.path.is_dir():
         raise ReaderError(f"{source.name} is a folder without metadata.yaml, so no ROS 2 bag: give a file in it")
     if source.head.startswith(PARQUET_MAGIC):

@@ -1,8 +1,6 @@
 """ROS 1 bags, ROS 2 bags (folders, MCAP or db3 storage) and single MCAP files; needs the extra ``rotdrift[ros]``.
 
-Read: sensor_msgs/Imu, geometry_msgs/PoseStamped, QuaternionStamped and TransformStamped, nav_msgs/Odometry. ROS
-quaternions are x, y, z, w, Hamilton, child to parent frame (REP 103, REP 145). An Imu without an orientation has −1
-in the first element of its covariance.
+Read: what :mod:`analysis.formats.ros.messages` lists. MCAP is read with its own library, the others with rosbags.
 
 Written: a folder with MCAP storage, ``PoseStamped`` where positions are known, else ``QuaternionStamped``, object to
 ``world``.
@@ -11,13 +9,19 @@ Written: a folder with MCAP storage, ``PoseStamped`` where positions are known, 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from analysis.formats.ros.mcap_file import McapFiles, files_of_bag
+from analysis.formats.ros.messages import (
+    TYPES,
+    Channel,
+    StoredMessage,
+    choose_topic,
+    collect,
+    standard_name,
+)
+from analysis.formats.rows.streams import StreamChoice
 from analysis.formats.source import SourceFile, plain
 from analysis.formats.time_stamps import RawSamples
 from analysis.geometry import rotations
@@ -30,7 +34,7 @@ TOPIC = "/object/orientation"
 FRAME = "world"
 """Topic and frame of what is written."""
 
-_LIBRARIES = {"rosbags", "lz4", "backports", "ruamel", "apsw", "bz2", "zlib"}
+_LIBRARIES = {"rosbags", "lz4", "backports", "ruamel", "apsw", "bz2", "mcap", "zlib", "zstandard"}
 _DAMAGE = (
     OSError,
     EOFError,
@@ -46,15 +50,6 @@ _DAMAGE = (
     struct.error,
 )
 _REMEDY = "copy it again, or recover it with an MCAP or ROS tool"
-_parts = attrgetter("x", "y", "z")
-TYPES = {
-    "sensor_msgs/msg/Imu": ("orientation", "", "linear_acceleration"),
-    "geometry_msgs/msg/PoseStamped": ("pose.orientation", "pose.position", ""),
-    "geometry_msgs/msg/QuaternionStamped": ("quaternion", "", ""),
-    "geometry_msgs/msg/TransformStamped": ("transform.rotation", "transform.translation", ""),
-    "nav_msgs/msg/Odometry": ("pose.pose.orientation", "pose.pose.position", ""),
-}
-"""Message types that carry an orientation -> where it, the position and the acceleration stand in them."""
 
 
 def is_mcap(start: bytes) -> bool:
@@ -68,36 +63,27 @@ def is_bag(source: SourceFile) -> bool:
     return by_start or (source.path / "metadata.yaml").is_file()
 
 
-def read_ros_bag(source: SourceFile, topic: str | None) -> RawSamples:
+def read_ros_bag(source: SourceFile, topic: str | None, choice: StreamChoice) -> RawSamples:
     """Read the orientations of one topic, which has to be named where several carry some.
 
     Times are those of the message headers; where these are not set, those of reception, which the notes report.
 
     Raises
     ------
+    SeveralStreamsError
+        Several publishers or frames on the topic, and no choice.
     ReaderError
         The extra is not installed; no or several topics to choose from (lists them); a damaged bag.
     """
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise ReaderError("ROS bags need rosbags: pip install 'rotdrift[ros]'") from error
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    try:
-        with AnyReader([source.path], default_typestore=store) as reader:
-            name, kind = _choose({t: info.msgtype for t, info in reader.topics.items()}, topic, source.name)
-            connections = [c for c in reader.connections if c.topic == name]
-            messages = (
-                (stamp_ns, reader.deserialize(data, connection.msgtype))
-                for connection, stamp_ns, data in reader.messages(connections=connections)
-            )
-            return _collect(messages, kind, source.name, f"{name} ({kind})")
+        files = [source.path] if is_mcap(source.head) else None
+        if source.path.is_dir():
+            files = files_of_bag(source.path)
+        if files is not None:
+            return _read_mcap(files, topic, source.name, choice)
+        return _read_other(source.path, source.head.startswith(ROS1_MAGIC), topic, source.name, choice)
     except ReaderError:
         raise
-    except AnyReaderError as error:
-        what = plain(str(error), 160).rstrip(".")
-        raise ReaderError(f"{source.name} cannot be read as a bag ({what}): {_REMEDY}") from error
     except Exception as error:
         # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through.
         from_library = type(error).__module__.split(".")[0] in _LIBRARIES
@@ -107,62 +93,40 @@ def read_ros_bag(source: SourceFile, topic: str | None) -> RawSamples:
         raise
 
 
-def _choose(topics: dict[str, str | None], topic: str | None, source: str) -> tuple[str, str]:
-    usable = {name: kind for name, kind in topics.items() if kind in TYPES}
-    listed = ", ".join(f"{plain(name)} ({kind})" for name, kind in sorted(usable.items())) or "none"
-    if topic is not None:
-        if topic not in usable:
-            raise ReaderError(f"no orientations on topic '{plain(topic)}'; topics that have them: {listed}")
-        return topic, str(usable[topic])
-    if not usable:
-        raise ReaderError(f"{source} has no topic with orientations: record one of {', '.join(sorted(TYPES))}")
-    if len(usable) > 1:
-        raise ReaderError(f"several topics have orientations; choose with --topic: {listed}")
-    (name, kind), *_ = usable.items()
-    return name, str(kind)
+def _read_mcap(files: list[Path], topic: str | None, name: str, choice: StreamChoice) -> RawSamples:
+    stored = McapFiles(files)
+    channels = stored.channels()
+    wanted = choose_topic(channels, topic, name)
+    kind = next(channel.kind for channel in channels if channel.topic == wanted and channel.kind in TYPES)
+    return collect(stored.messages(wanted), wanted, kind, name, choice)
 
 
-def _collect(messages: Iterator[tuple[int, Any]], kind: str, source: str, what: str) -> RawSamples:
-    times, received, quats, positions, accelerations = [], [], [], [], []
-    frames: set[tuple[str, str]] = set()
-    orientation_of, position_of, acceleration_of = (attrgetter(field) if field else None for field in TYPES[kind])
-    assert orientation_of is not None
-    for stamp_ns, message in messages:
-        if getattr(message, "orientation_covariance", (0.0,))[0] == -1.0:
-            raise ReaderError(
-                "the sensor gives no orientation, as its orientation_covariance shows; run an orientation filter, such "
-                "as imu_filter_madgwick, and record its topic"
+def _read_other(path: Path, is_ros1: bool, topic: str | None, name: str, choice: StreamChoice) -> RawSamples:
+    """Read a ROS 1 bag or a ROS 2 bag with db3 storage; the types are the standard ones, not those in the file."""
+    try:
+        from rosbags.rosbag1 import Reader as Reader1
+        from rosbags.rosbag2 import Reader as Reader2
+    except ImportError as error:
+        raise ReaderError("ROS bags need rosbags: pip install 'rotdrift[ros]'") from error
+    reader: Any = Reader1(path) if is_ros1 else Reader2(path)
+    with reader:
+        encoding = "ros1" if is_ros1 else "cdr"
+        channels = {
+            connection.id: Channel(
+                connection.topic,
+                standard_name(connection.msgtype),
+                encoding,
+                getattr(connection.ext, "callerid", None) or str(connection.id),
             )
-        quat = orientation_of(message)
-        header = message.header.stamp
-        # Whole seconds since the epoch keep 0.2 us in a double; that is enough for cycles of seconds.
-        times.append(header.sec + header.nanosec * 1e-9)
-        received.append(stamp_ns * 1e-9)
-        quats.append((quat.w, quat.x, quat.y, quat.z))
-        if position_of is not None:
-            positions.append(_parts(position_of(message)))
-        if acceleration_of is not None:
-            accelerations.append(_parts(acceleration_of(message)))
-        frames.add((str(message.header.frame_id), str(getattr(message, "child_frame_id", ""))))
-    if not quats:
-        raise ReaderError(f"topic {plain(what, 80)} of {source} has no messages")
-    notes, warnings = [f"topic {plain(what, 120)}"], []
-    times_s = np.array(times)
-    if len(times) > 1 and len(np.unique(times_s)) < 2:
-        times_s = np.array(received)
-        notes.append("message headers carry no time; times of reception used")
-    if len(frames) > 1:
-        named = ", ".join(sorted(plain("→".join(filter(None, pair))) or "(unnamed)" for pair in frames))
-        warnings.append(f"the topic mixes several frames ({plain(named, 120)}); record one object per topic")
-    return RawSamples(
-        quats_wxyz=np.array(quats, dtype=np.float64),
-        times_s=times_s,
-        positions_m=np.array(positions, dtype=np.float64) if positions else None,
-        accelerations_mps2=np.array(accelerations, dtype=np.float64) if accelerations else None,
-        convention=f"ROS {kind}: quaternion x,y,z,w, Hamilton, body to world",
-        notes=tuple(notes),
-        warnings=tuple(warnings),
-    )
+            for connection in reader.connections
+        }
+        wanted = choose_topic(channels.values(), topic, name)
+        kind = next(channel.kind for channel in channels.values() if channel.topic == wanted and channel.kind in TYPES)
+        messages = (
+            StoredMessage(channels[connection.id], stamp_ns, data)
+            for connection, stamp_ns, data in reader.messages([c for c in reader.connections if c.topic == wanted])
+        )
+        return collect(messages, wanted, kind, name, choice)
 
 
 def write_ros_bag(series: OrientationSeries, _result: dict[str, Any] | None, path: Path) -> tuple[str, ...]:

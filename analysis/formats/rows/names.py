@@ -32,25 +32,10 @@ _LABEL = re.compile(
     r"(?:sensor|device|imu|tracker|object|body|rigid ?body|node|segment|source|publisher|child_frame|topic)"
     r"(?:[ _]?(?:id|name|no|nr|number|tag|label|serial))?|frame_id|channel|id|serial(?:[ _]?number)?|station"
 )
-EULER_NAMES = frozenset(
-    [
-        "yaw",
-        "pitch",
-        "roll",
-        "heading",
-        "azimuth",
-        "elevation",
-        "psi",
-        "theta",
-        "phi",
-        "euler_x",
-        "euler_y",
-        "euler_z",
-        "eulerx",
-        "eulery",
-        "eulerz",
-    ]
-)
+EULER_NAMES = frozenset({
+    "yaw", "pitch", "roll", "heading", "azimuth", "elevation", "psi", "theta", "phi",
+    "euler_x", "euler_y", "euler_z", "eulerx", "eulery", "eulerz",
+})  # fmt: skip
 """Names that Euler angles go by."""
 
 

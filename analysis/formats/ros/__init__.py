@@ -1,0 +1,1 @@
+"""What ROS bags and MCAP files hold: channels, messages, orientations."""
