@@ -88,15 +88,15 @@ def read_can_log_of(frames: list[CanFrame]) -> list[FrameChunk]:
 
 
 @pytest.mark.parametrize("kind", ["ASC", "CSV"])
-def test_what_follows_a_bad_line_is_told(kind: str, frames: list[CanFrame], tmp_path: Path) -> None:
+def test_a_bad_line_costs_itself_and_is_told(kind: str, frames: list[CanFrame], tmp_path: Path) -> None:
     path = write_log(tmp_path / f"trial{KINDS[kind]}", frames)
+    sound = read_can_log(path)
     lines = path.read_text().splitlines()
-    path.write_text(
-        "\n".join([*lines[:500], "1.0,zz,0,0,0,8,!!" if kind == "CSV" else lines[500].replace(" 8 ", " z "), ""])
-    )
+    bad = "1.0,zz,0,0,0,8,!!" if kind == "CSV" else lines[500].replace(" 8 ", " z ")
+    path.write_text("\n".join([*lines[:500], bad, *lines[500:], ""]))
     log = read_can_log(path)
-    assert log.chunks
-    assert kind == "ASC" or "cannot be read" in log.damage[0]
+    assert [chunk.data for chunk in log.chunks] == [chunk.data for chunk in sound.chunks]
+    assert log.damage == (f"1 of {len(frames) + 1} lines are no {kind} lines and are left out",)
 
 
 def test_mutated_blf_files_end_in_time_and_in_words(

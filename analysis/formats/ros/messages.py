@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from operator import attrgetter
 from typing import Any
 
@@ -117,8 +118,8 @@ def decoder() -> Decoder:
             return ros1.deserialize_ros1(message.data, kind)
         if len(message.data) > 1 and message.data[1] > 1:
             raise ReaderError(
-                f"the messages of {plain(message.channel.topic)} are in another form than plain CDR (XCDR2 or parameter "
-                f"lists, 0x{message.data[1]:02x}), which is not read; record with the default middleware, or convert"
+                f"the messages of {plain(message.channel.topic)} are not in plain CDR but in XCDR2 or a parameter list "
+                f"(0x{message.data[1]:02x}), which is not read; record with the default middleware, or convert"
             )
         return ros2.deserialize_cdr(message.data, kind)
 
@@ -208,12 +209,10 @@ class OrientationCollector:
 def _overlap(channels: Any, received_s: Any, names: list[str]) -> bool:  # noqa: ANN401
     """Return whether messages of two channels came during the same time; parts of a split bag follow each other."""
     spans = sorted((received_s[channels == name].min(), received_s[channels == name].max()) for name in names)
-    return any(after[0] < before[1] for before, after in zip(spans, spans[1:], strict=False))
+    return any(after[0] < before[1] for before, after in pairwise(spans))
 
 
-def collect(
-    messages: Iterator[StoredMessage], topic: str, kind: str, source: str, choice: StreamChoice
-) -> RawSamples:
+def collect(messages: Iterator[StoredMessage], topic: str, kind: str, source: str, choice: StreamChoice) -> RawSamples:
     """Return the samples of one topic's messages.
 
     Raises ReaderError where there are none.

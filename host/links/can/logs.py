@@ -1,14 +1,12 @@
-"""Logs of other CAN tools as chunks: candump ``.log``, Vector ASC and BLF, python-can's CSV.
+"""Logs of other CAN tools as chunks: candump ``.log``, Vector ASC and BLF, PCAN-View's TRC, python-can's CSV.
 
-Read through python-can. It stops at the first line it cannot read, so candump lines are checked before they reach it,
-and what stops the others is reported. A BLF is compressed, and mutated ones have been seen to loop for ever or to need
-800 MB, so it is read in a process of its own with limits (:mod:`host.links.can.blf_process`).
+Read through python-can, text logs line by line (:mod:`host.links.can.log_lines`). A BLF is
+compressed, and mutated ones have been seen to loop for ever or to need 800 MB, so it is read in a process of its own with limits (:mod:`host.links.can.blf_process`).
 """
 
 from __future__ import annotations
 
 import io
-import itertools
 import struct
 import subprocess
 import sys
@@ -16,14 +14,15 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TextIO
+from typing import IO
 
 import can
 
-from firmware_protocol.can.frames import frame_array, iter_frames, pack_frames
+from firmware_protocol.can.frames import CanFrame, frame_array, iter_frames, pack_frames
 from host.errors import FileError, unreadable
 from host.links.can.bus import received_frame
-from host.links.can.log_kind import CANDUMP_LINE, HEAD_BYTES, can_log_kind
+from host.links.can.log_kind import HEAD_BYTES, can_log_kind
+from host.links.can.log_lines import LinesLeftOut, text_messages
 from host.links.transport import FrameChunk
 from host.text import plain
 
@@ -32,7 +31,10 @@ BLF_SECONDS_PER_MB = 20.0
 """A hundred times what a sound file needs."""
 BLF_LEAST_SECONDS = 20.0
 
-_LENGTH = struct.Struct("<I")
+COALESCED_NS = 250_000_000
+"""Frames further apart are in different chunks."""
+_LENGTH = struct.Struct("<IB")  # of a batch, and of its channel's name
+_MAX_NAME = 255
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +42,16 @@ class CanLog:
     """The content of a log."""
 
     kind: str
-    """``candump``, ``ASC``, ``CSV`` or ``BLF``."""
-    chunks: tuple[FrameChunk, ...]
-    """The frames; the time of reception is the log's own, ns."""
+    """``candump``, ``ASC``, ``CSV``, ``TRC``, ``BLF`` or ``candump on screen``."""
+    channels: dict[str, tuple[FrameChunk, ...]]
+    """The frames of each channel, in the log's order; the time of reception is the log's own, ns."""
     damage: tuple[str, ...]
     """What could not be read, a sentence each."""
+
+    @property
+    def chunks(self) -> tuple[FrameChunk, ...]:
+        """The frames of all channels, one channel behind the other."""
+        return tuple(chunk for chunks in self.channels.values() for chunk in chunks)
 
 
 def read_can_log(path: Path, file: IO[bytes] | None = None) -> CanLog:
@@ -68,76 +75,60 @@ def read_can_log(path: Path, file: IO[bytes] | None = None) -> CanLog:
             kind = can_log_kind(log.read(HEAD_BYTES))
             if kind is None:
                 raise FileError(
-                    f"{path} is not a CAN log", "give a candump log, an ASC, a BLF, or a CSV written by python-can"
+                    f"{path} is not a CAN log",
+                    "give a candump log, an ASC, a BLF, a TRC, or a CSV written by python-can",
                 )
+            channels: dict[str, list[FrameChunk]] = {}
             if kind == "BLF":
-                chunks = tuple(_blf_chunks(path, damage))
+                found = _blf_chunks(path, damage)
             else:
                 log.seek(0)
-                text = io.TextIOWrapper(log, encoding="utf-8", errors="replace", newline="")
-                chunks = tuple(_chunks(_messages(kind, text, damage)))
+                text = io.TextIOWrapper(log, encoding="utf-8", errors="replace")
+                left_out = LinesLeftOut(kind)
+                found = _chunks(text_messages(kind, text, left_out))
+            for channel, chunk in found:
+                channels.setdefault(channel, []).append(chunk)
+            if kind != "BLF":
+                damage += left_out.sentences()
     except OSError as error:
         raise unreadable(path, error) from error
-    if not chunks:
+    if not channels:
         raise FileError(
             f"{path} holds no CAN frames", damage[0] if damage else "give a log of a bus with an object on it"
         )
-    return CanLog(kind, chunks, tuple(damage))
+    return CanLog(kind, {channel: tuple(chunks) for channel, chunks in channels.items()}, tuple(damage))
 
 
-def _messages(kind: str, file: TextIO, damage: list[str]) -> Iterator[can.Message]:
-    if kind == "candump":
-        yield from _candump(file, damage)
-        return
-    reader = can.ASCReader(file) if kind == "ASC" else can.CSVReader(file)
-    count = 0
-    try:
-        for message in reader:
-            count += 1
-            yield message
-    except Exception as error:  # noqa: BLE001 - the readers raise whatever a bad line happens to hit
-        reason = f"{type(error).__name__}: {plain(str(error), 80)}"
-        damage.append(f"what follows frame {count} cannot be read ({reason}) and is left out")
+def _chunks(messages: Iterable[can.Message]) -> Iterator[tuple[str, FrameChunk]]:
+    """Yield the frames of each channel in chunks as short as a link delivers them, with the channel's name.
 
-
-def _candump(file: TextIO, damage: list[str]) -> Iterator[can.Message]:
-    bad = 0
-
-    def good_lines() -> Iterator[str]:
-        nonlocal bad
-        for line in file:
-            if CANDUMP_LINE.match(line):
-                yield line.rstrip("\n")
-            else:
-                bad += bool(line.strip())
-
-    lines = good_lines()
-    while batch := list(itertools.islice(lines, FRAMES_A_CHUNK)):
-        count = 0
-        try:
-            for message in can.CanutilsLogReader(io.StringIO("\n".join(batch))):
-                count += 1
-                yield message
-        except Exception:  # noqa: BLE001
-            bad += len(batch) - count
-    if bad:
-        damage.append(f"{bad} lines are no candump lines and are left out")
-
-
-def _chunks(messages: Iterable[can.Message]) -> Iterator[FrameChunk]:
-    frames = (received_frame(message, round(message.timestamp * 1e9)) for message in messages)
-    while batch := list(itertools.islice(frames, FRAMES_A_CHUNK)):
-        yield FrameChunk(pack_frames(batch), batch[-1].host_time_ns)
+    A chunk has one time of reception, so a silence of the log has to be one between chunks.
+    """
+    waiting: dict[str, list[CanFrame]] = {}
+    for message in messages:
+        frame = received_frame(message, round(message.timestamp * 1e9))
+        channel = "" if message.channel is None else str(message.channel)
+        batch = waiting.setdefault(channel, [])
+        if batch and not (
+            len(batch) < FRAMES_A_CHUNK and 0 <= frame.host_time_ns - batch[0].host_time_ns <= COALESCED_NS
+        ):
+            yield channel, FrameChunk(pack_frames(batch), batch[-1].host_time_ns)
+            batch.clear()
+        batch.append(frame)
+    for channel, batch in waiting.items():
+        yield channel, FrameChunk(pack_frames(batch), batch[-1].host_time_ns)
 
 
 def write_chunks(messages: Iterable[can.Message], file: IO[bytes]) -> None:
-    """Write messages as frame batches, each behind its length: what a reading process returns to its parent."""
-    for chunk in _chunks(messages):
-        file.write(_LENGTH.pack(len(chunk.data)))
+    """Write messages as frame batches, each behind its length and channel: what a process returns to its parent."""
+    for channel, chunk in _chunks(messages):
+        name = channel.encode()[:_MAX_NAME]
+        file.write(_LENGTH.pack(len(chunk.data), len(name)))
+        file.write(name)
         file.write(chunk.data)
 
 
-def _blf_chunks(path: Path, damage: list[str]) -> Iterator[FrameChunk]:
+def _blf_chunks(path: Path, damage: list[str]) -> Iterator[tuple[str, FrameChunk]]:
     limit_s = max(BLF_LEAST_SECONDS, BLF_SECONDS_PER_MB * path.stat().st_size / 1e6)
     command = [sys.executable, "-P", "-m", "host.links.can.blf_process", str(path)]
     with tempfile.TemporaryFile() as output:
@@ -152,8 +143,9 @@ def _blf_chunks(path: Path, damage: list[str]) -> Iterator[FrameChunk]:
             damage.append(f"the BLF is damaged: reading it did not end within {limit_s:.0f} s")
         output.seek(0)
         while len(head := output.read(_LENGTH.size)) == _LENGTH.size:
-            data = output.read(_LENGTH.unpack(head)[0])
-            if len(data) < _LENGTH.unpack(head)[0]:
+            n_bytes, n_name = _LENGTH.unpack(head)
+            name, data = output.read(n_name), output.read(n_bytes)
+            if len(data) < n_bytes:
                 return  # the process was stopped while it wrote
             *_, last = iter_frames(frame_array(data)[-1:])
-            yield FrameChunk(data, last.host_time_ns)
+            yield name.decode(errors="replace"), FrameChunk(data, last.host_time_ns)
