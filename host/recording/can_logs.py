@@ -111,7 +111,7 @@ def _objects(log: CanLog) -> list[LoggedObject]:
         found += [
             LoggedObject(channel, node, n)
             for node, n in samples.items()
-            if MIN_NODE <= node and 2 * SEQUENCE_MODULUS * times.get(node, 0) >= n
+            if node >= MIN_NODE and 2 * SEQUENCE_MODULUS * times.get(node, 0) >= n
         ]
     return found
 

@@ -1,7 +1,8 @@
 """Logs of other CAN tools as chunks: candump ``.log``, Vector ASC and BLF, PCAN-View's TRC, python-can's CSV.
 
-Read through python-can, text logs line by line (:mod:`host.links.can.log_lines`). A BLF is
-compressed, and mutated ones have been seen to loop for ever or to need 800 MB, so it is read in a process of its own with limits (:mod:`host.links.can.blf_process`).
+Read through python-can, text logs line by line (:mod:`host.links.can.log_lines`). A BLF is compressed, and mutated ones
+have been seen to loop for ever or to need 800 MB, so it is read in a process of its own with limits
+(:mod:`host.links.can.blf_process`).
 """
 
 from __future__ import annotations
