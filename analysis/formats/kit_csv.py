@@ -44,7 +44,10 @@ MIN_REACH_INCH = 1.5
 """Nothing that is tracked stays nearer to the source."""
 FIXED_LENGTH = 0.08
 FIXED_SPREAD_DEG = 4.0
-"""Three numbers of a length fixed within that share whose direction turns by more are no position."""
+"""Three numbers of a length fixed within that share whose direction turns by more are hardly a position ..."""
+FIXED_SPREAD_OF_ANGLES_DEG = 25.0
+"""... and, if it turns by more than this, no angles."""
+GRAVITY_MPS2 = 9.81
 _MAX_STATION = 255
 _MIN_STATION_ROWS = 10
 
@@ -157,10 +160,23 @@ def _fits_tracker(positions_inch: FloatArray, angles_deg: FloatArray) -> bool:
     lengths = np.linalg.norm(positions_inch, axis=1)
     if (np.abs(angles_deg) > limits).any() or lengths.max() > MAX_REACH_INCH or lengths.max() < MIN_REACH_INCH:
         return False
-    directions = positions_inch / np.maximum(lengths, 1e-9)[:, None]
-    spread_deg = float(np.degrees(np.arccos(np.clip(directions @ directions[0], -1.0, 1.0)).max()))
-    is_fixed_length = float(lengths.std()) < FIXED_LENGTH * float(lengths.mean())
-    return not (is_fixed_length and spread_deg > FIXED_SPREAD_DEG)
+    is_vector = _is_turning_vector(positions_inch, FIXED_SPREAD_DEG)
+    is_gravity = is_vector and abs(float(np.median(lengths)) - GRAVITY_MPS2) < FIXED_LENGTH * GRAVITY_MPS2
+    # A turn rate is zero on average, angles hardly about all axes.
+    is_turn_rate = bool((np.abs(angles_deg.mean(axis=0)) < 0.5 * angles_deg.std(axis=0)).all())
+    return not (
+        is_gravity or (is_vector and is_turn_rate) or _is_turning_vector(angles_deg, FIXED_SPREAD_OF_ANGLES_DEG)
+    )
+
+
+def _is_turning_vector(vectors: FloatArray, least_deg: float) -> bool:
+    """Return whether (n, 3) numbers are a vector of fixed length that turns by more: gravity or the magnetic field."""
+    lengths = np.linalg.norm(vectors, axis=1)
+    usual = float(np.median(lengths))
+    if usual == 0.0 or float(lengths.std()) > FIXED_LENGTH * usual:
+        return False
+    directions = vectors / np.maximum(lengths, 1e-9)[:, None]
+    return float(np.degrees(np.arccos(np.clip(directions @ directions[0], -1.0, 1.0)).max())) > least_deg
 
 
 def _has_ndx_header(table: TextTable) -> bool:
@@ -184,6 +200,11 @@ def read_ndx(table: TextTable, station: str | None = None) -> RawSamples:
     """
     read = read_table(table.source, table.layout(tuple(range(len(NDX_COLUMNS))), NDX_COLUMNS), holes=False)
     values = read.values
+    if not _has_ndx_header(table) and not _fits_tracker(values[:, 1:4], values[:, 4:7]):
+        raise ReaderError(
+            f"{table.source.name}: columns without names, seven of them, that do not fit a tracker: name the columns "
+            "with --columns t=…,qw=…,qx=…,qy=…,qz=…; a layout is not guessed from its shape"
+        )
     quats = from_euler(np.radians(values[:, 4:7]), "zyx", intrinsic=True)
     numbered: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -134,6 +134,7 @@ def to_series(
     assert raw.index is not None or whole.all()
     rows = np.arange(n) if raw.index is None else raw.index
     _check_norms(raw, rows)
+    _check_alternation(raw.quats_wxyz)
     intervals = np.diff(times_s)
     backward = intervals < 0.0
     # Where time goes backwards, any of the rows around may be the wrong one: the fewest are set aside that leave the
@@ -168,7 +169,6 @@ def to_series(
         set_aside=_set_aside(raw.quats_wxyz[~keep], times_s[~keep], rows[~keep]) if lost else None,
         left_out=left_out,
     )
-    _check_alternation(series)
     small = tuple(part.sentence for part in left_out if part.share <= LEFT_OUT_WARNING and part.holes)
     return series.with_remarks(notes=(*small, *_gap_notes(series)))
 
@@ -242,9 +242,9 @@ def _by_reception(raw: RawSamples, notes: list[str]) -> RawSamples:
     return replace(raw, times_s=times_s)
 
 
-def _check_alternation(series: OrientationSeries) -> None:
+def _check_alternation(quats_wxyz: FloatArray) -> None:
     """Refuse rows that go to and fro between two orientations: those of two sensors that nothing tells apart."""
-    quats = series.quats_wxyz[:MAX_ALTERNATING_ROWS]
+    quats = quats_wxyz[:MAX_ALTERNATING_ROWS]
     if len(quats) < 3:
         return
     apart = alternating_deg(

@@ -18,7 +18,7 @@ SEPARATORS = (";", "\t", ",")
 """In the order in which they are looked for; white space comes last."""
 DECIMAL_POINTS = "save the file with decimal points"
 """What to do about decimal commas."""
-_HOLES = frozenset({"", "nan", "-nan", "nan(ind)", "-nan(ind)", "null", "none", "na", "n/a", "#n/a", "<na>", "-"})
+_HOLES = frozenset({"", "nan", "-nan", "nan(ind)", "-nan(ind)", "null", "none", "na", "n/a", "<na>", "-"})
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 _MOMENT = re.compile(
     r"(?:(?P<y>\d{4})[-/.](?P<m>\d\d?)[-/.](?P<d>\d\d?)[T _]+|"

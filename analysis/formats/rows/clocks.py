@@ -20,10 +20,7 @@ PERIODS_S: tuple[tuple[float, str], ...] = (
         (2.0**bits * tick_s, f"{bits}-bit counter of {name}")
         for bits, name, tick_s in (
             (16, "ms", 1e-3),
-            (16, "0.1 ms", 1e-4),
             (24, "µs", 1e-6),
-            (24, "0.1 ms", 1e-4),
-            (24, "ms", 1e-3),
             (32, "ns", 1e-9),
             (32, "µs", 1e-6),
             (32, "0.1 ms", 1e-4),
@@ -35,6 +32,10 @@ PERIODS_S: tuple[tuple[float, str], ...] = (
 """After how long clocks wrap, s, and what wraps so."""
 NEAR_INTERVALS = 10.0
 """A stamp behind a wrap comes within so many usual intervals: a wrap is no time to lose many samples."""
+EDGE_INTERVALS = 3.0
+"""The stamps around a wrap are so near to the ends of the counter; those of a counter that was shifted ..."""
+FIT = 0.6
+"""... come a usual interval apart, but for this share of it."""
 MIN_SESSION_ROWS = 10
 """Fewer rows than these are rows out of place, not a session."""
 MIN_STEP_BACK_S = 1.0
@@ -64,11 +65,18 @@ def unwrapped(times_s: FloatArray) -> Unwrapped:
     forward = steps[steps > 0.0]
     if not len(back) or len(forward) < 2:
         return Unwrapped(times_s, "")
-    near_s = NEAR_INTERVALS * float(np.median(forward))
+    usual_s = float(np.median(forward))
     span_s = float(times_s.max() - times_s.min())
+    before_s, after_s = times_s[back], times_s[back + 1]
     for period_s, what in PERIODS_S:
         ahead = steps[back] + period_s
-        wraps = back[(ahead > 0.0) & (ahead <= max(near_s, 0.0)) & (near_s < 0.5 * period_s)]
+        # A session may happen to be about as long as a period: then its last stamp is not at the counter's very end.
+        edge_s = EDGE_INTERVALS * usual_s
+        ends = ((after_s >= 0.0) & (after_s < edge_s) & (before_s >= period_s - edge_s) & (before_s < period_s)) | (
+            (after_s < -0.5 * period_s + edge_s) & (before_s >= 0.5 * period_s - edge_s)
+        )
+        fits = np.where(ends, ahead <= NEAR_INTERVALS * usual_s, np.abs(ahead - usual_s) <= FIT * usual_s)
+        wraps = back[(ahead > 0.0) & fits & (NEAR_INTERVALS * usual_s < 0.5 * period_s)]
         # All of one period's stamps lie within it; a session that happens to be as long starts elsewhere.
         if len(wraps) and span_s < period_s * (1.0 + 1e-9):
             turns = np.zeros(len(times_s))

@@ -6,6 +6,7 @@ units below it, and a first line ``sep=;`` for Excel. The data are what repeats:
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -76,21 +77,23 @@ def _unnamed(lines: Sequence[str], delimiter: str | None, width: int, start: int
 
 def _data_of(lines: Sequence[str]) -> tuple[str | None, int, int | None]:
     """Return separator and width of the rows of data, and where they start; None where there are none."""
-    best: tuple[int, str | None, int, list[bool]] | None = None
+    best: tuple[int, str | None, list[list[str]], list[bool]] | None = None
     for delimiter in (*SEPARATORS, None):
         rows = [split_cells(line, delimiter) for line in lines]
-        of_data = [is_data_row(row) for row in rows]
-        widths = Counter(len(row) for row, is_data in zip(rows, of_data, strict=True) if is_data)
-        if not widths:
-            continue
-        width, n = widths.most_common(1)[0]
-        # A separator that leaves one column a row, or that only some lines have, separates nothing.
-        if width > 1 and (best is None or n > best[0]):
-            fits = [is_data and len(row) == width for row, is_data in zip(rows, of_data, strict=True)]
-            best = n, delimiter, width, fits
+        of_data = [len(row) > 1 and is_data_row(row) for row in rows]
+        if any(of_data) and (best is None or sum(of_data) > best[0]):
+            best = sum(of_data), delimiter, rows, of_data
     if best is None:
         return None, 0, None
-    _, delimiter, width, fits = best
+    _, delimiter, rows, of_data = best
+    widths = [len(row) for row in rows]
+    filled = [max((k + 1 for k, cell in enumerate(row) if cell), default=0) for row in rows]
+    width = Counter(itertools.compress(widths, of_data)).most_common(1)[0][0]
+    usual = Counter(itertools.compress(filled, of_data)).most_common(1)[0][0]
+    fits = [
+        is_data and (n == width or n_filled == usual)
+        for is_data, n, n_filled in zip(of_data, widths, filled, strict=True)
+    ]
     for k, fit in enumerate(fits):
         following = fits[k + 1 : k + 7]
         # The ids of rigid bodies are a row of numbers too, but what follows them is not.

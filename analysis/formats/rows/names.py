@@ -89,7 +89,10 @@ def _last(name: str) -> str:
 def _time(header: Sequence[str]) -> tuple[dict[str, str], str, bool]:
     """Return the time's columns, its unit, and whether there is a doubt: usual names go before unusual ones."""
     usual, other = [], []
+    pair = _seconds_and_nanoseconds(header)
     for name in header:
+        if name in pair.values():
+            continue
         small = name.lower().strip()
         plain = _last(small.lstrip("_%").strip())
         if match := _USUAL_TIME.fullmatch(plain):
@@ -100,7 +103,6 @@ def _time(header: Sequence[str]) -> tuple[dict[str, str], str, bool]:
         return {}, "s", True
     if usual:
         return {"t": usual[0][0]}, usual[0][1], False
-    pair = _seconds_and_nanoseconds(header)
     if pair:
         return pair, "s", False
     if len(other) == 1 or (other and _last(other[0][0].lower()) == "sampletimefine"):
