@@ -227,7 +227,7 @@ def _by_reception(raw: RawSamples, notes: list[str]) -> RawSamples:
     """Return rows whose device clock started again with times that go on: as much later as they were received."""
     assert raw.times_s is not None
     assert raw.received_s is not None
-    starts = session_starts(unwrapped(raw.times_s).times_s, np.empty(0, dtype=np.int64))
+    starts = session_starts(unwrapped(raw.times_s).times_s, np.empty(0, dtype=np.int64), 0.0)
     if not len(starts) or (np.diff(raw.received_s) < 0.0).any():
         return raw
     times_s = raw.times_s.copy()

@@ -146,7 +146,7 @@ def _session(
     chunks: Sequence[FrameChunk], node: int | None, choice: StreamChoice, remarks: list[str]
 ) -> tuple[Sequence[FrameChunk], tuple[str, ...]]:
     """Return the chunks of one session, and a note where there are several."""
-    edges, starts_s, mixed = [0], [chunks[0].host_time_ns * 1e-9], False
+    edges, starts_s, mixed = [0], list[float](), False
     latest_s, counter = None, None
     for place, chunk in enumerate(chunks):
         records = _plain_frames(chunk)
@@ -159,6 +159,7 @@ def _session(
         first_s = float(own["host_time_ns"][0]) * 1e-9
         counters = records["code"][function == CanFunction.TIME] & 0xFFFFFFFF
         restarted = counter is not None and len(counters) > 0 and int(counters[0]) < counter
+        starts_s = starts_s or [first_s]
         silent_s = 0.0 if latest_s is None else first_s - latest_s
         if silent_s > (SILENCE_AT_RESTART_S if restarted else SILENCE_S) or silent_s < -1.0:
             edges.append(place)

@@ -142,3 +142,21 @@ def test_every_input_is_in_a_table():
     for path in INPUTS.rglob("*.*"):
         name = path.relative_to(INPUTS)
         assert str(name) in listed or name.parts[0] in beside or not path.is_file(), name
+
+
+@pytest.mark.parametrize(("missing", "valid"), [(1, True), (10, True), (16, False), (40, False)])
+def test_a_trial_of_which_much_was_left_out_is_not_valid_unless_asked_for(tmp_path, missing, valid):
+    lines = (INPUTS / "00-control/plain.csv").read_text().splitlines()
+    for k in range(131 - missing, 131):  # behind the last end point, at 11.9 s, but for the longest of them
+        lines[k] = lines[k].partition(",")[0] + ",,,,"
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join(lines) + "\n")
+    done = rotdrift_here("score", "--json", str(path))
+    result = json.loads(done.stdout)
+    share = missing / (len(lines) - 2)
+    words = f"{missing} of {len(lines) - 1} rows have no orientation and are left out, {100 * share:.2g} %"
+    assert (words in " ".join(result["warnings"])) is (share > 0.01)
+    assert (done.returncode, result["valid"]) == ((0, True) if valid else (1, False))
+    assert (f"too much was left out: {words}" in " ".join(result["reasons"])) is not valid
+    asked = json.loads(rotdrift_here("score", "--json", "--from", "0", "--to", "9", str(path)).stdout)
+    assert asked["valid"]

@@ -53,17 +53,34 @@ def assert_times(series, times=TIMES, within_s=1e-6):
 # Several sensors in a column
 
 SENSOR_NAMES = [
-    "SensorId", "sensor", "Sensor ID", "Device", "device_id", "imu_id", "tracker", "frame_id", "header.frame_id",
-    "%child_frame_id", "/imu/frame_id", "Rigid Body", "object", "node", "Serial Number", "id",
-]  # fmt: skip
+    "SensorId",
+    "sensor",
+    "Sensor ID",
+    "Device",
+    "device_id",
+    "imu_id",
+    "tracker",
+    "frame_id",
+    "header.frame_id",
+    "%child_frame_id",
+    "/imu/frame_id",
+    "Rigid Body",
+    "object",
+    "node",
+    "Serial Number",
+    "id",
+]
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t", ", "])
 @pytest.mark.parametrize("name", SENSOR_NAMES)
 def test_sensors_in_a_column_are_never_one(tmp_path, name, separator):
     labels = ("1", "2") if "id" in name.lower() else ("hand", "cube 2")
-    rows = [row for a, b in zip(rows_of(), rows_of(TIMES + 0.003, OTHER), strict=True)
-            for row in ([labels[0], *a], [labels[1], *b])]  # fmt: skip
+    rows = [
+        row
+        for a, b in zip(rows_of(), rows_of(TIMES + 0.003, OTHER), strict=True)
+        for row in ([labels[0], *a], [labels[1], *b])
+    ]
     text = table(rows, [name, "time", *PARTS], separator)
     with pytest.raises(SeveralStreamsError, match=rf"^two sensors: .*{labels[0]}.*; choose with --sensor "):
         read(tmp_path, text)
@@ -98,8 +115,9 @@ def test_two_sensors_that_nothing_tells_apart(tmp_path, apart_s):
         read(tmp_path, table(rows, ["time", *PARTS]))
 
 
-@pytest.mark.parametrize("column", [["moving" if 20 < k < 40 else "still" for k in range(N)], [str(k) for k in range(N)],
-                                    ["a"] * N])  # fmt: skip
+@pytest.mark.parametrize(
+    "column", [["moving" if 20 < k < 40 else "still" for k in range(N)], [str(k) for k in range(N)], ["a"] * N]
+)
 @pytest.mark.parametrize("name", ["phase", "frame", "remark"])
 def test_other_columns_are_no_sensors(tmp_path, name, column):
     rows = [[cell, *row] for cell, row in zip(column, rows_of(), strict=True)]
@@ -272,7 +290,14 @@ def test_a_text_column_without_a_header(tmp_path, separator, place):
 
 HEADINGS = {
     "excel": ["sep=,"],
-    "xsens dot": ["sep=,", "DeviceTag:,1", "FirmwareVersion:,2.0.0", "OutputRate:,60Hz", "StartTime:,2024-05-01_10:00:00", ""],
+    "xsens dot": [
+        "sep=,",
+        "DeviceTag:,1",
+        "FirmwareVersion:,2.0.0",
+        "OutputRate:,60Hz",
+        "StartTime:,2024-05-01_10:00:00",
+        "",
+    ],
     "mt manager": ["// General information:", "//  MT Manager version: 2022.2.0", "//  Update Rate: 100.0Hz"],
     "a title": ["Rotation trial of a cube"],
     "a title of two cells": ["Subject,3"],
@@ -283,7 +308,7 @@ HEADINGS = {
     "dashes": ["-----", "Recording 7", "-----"],
     "ten lines": [f"Line {k}: nothing,of,interest" for k in range(10)],
     "forty lines": [f"Setting {k},{k}" for k in range(40)],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("units", [None, "s,,,,", "[s],[-],[-],[-],[-]", "(s),n/a,n/a,n/a,n/a"])
@@ -298,8 +323,17 @@ def test_lines_before_the_header_are_passed_over(tmp_path, heading, units):
         read(tmp_path, "\n".join(lines) + "\n" + bad)
 
 
-@pytest.mark.parametrize("line", ["Update Rate: 50.0Hz", "OutputRate:,50Hz", "Sample Rate:,50,Hz,,", "DataRate=50.000",
-                                  "Capture Frame Rate,50.0", "sampling frequency: 50"])  # fmt: skip
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Update Rate: 50.0Hz",
+        "OutputRate:,50Hz",
+        "Sample Rate:,50,Hz,,",
+        "DataRate=50.000",
+        "Capture Frame Rate,50.0",
+        "sampling frequency: 50",
+    ],
+)
 def test_a_rate_before_the_header_counts_where_there_are_no_times(tmp_path, line):
     text = line + "\n" + table([row[1:] for row in rows_of()], list(PARTS))
     series = read(tmp_path, text)
@@ -340,8 +374,11 @@ def test_rows_without_the_object_are_left_out_and_counted(tmp_path, hole, separa
 
 
 def test_rows_of_another_topic_cost_nothing(tmp_path):
-    rows = [line for k, row in enumerate(rows_of()) for line in
-            ([*row, ""], *([[number(TIMES[k] + 0.004), "", "", "", "", "12.1"]] if k % 3 == 0 else []))]  # fmt: skip
+    rows = [
+        line
+        for k, row in enumerate(rows_of())
+        for line in ([*row, ""], *([[number(TIMES[k] + 0.004), "", "", "", "", "12.1"]] if k % 3 == 0 else []))
+    ]
     series = read(tmp_path, table(rows, ["time", *PARTS, "/battery/voltage"]))
     assert_quats(series)
     assert series.warnings == ()
@@ -363,11 +400,29 @@ def test_how_much_is_left_out_is_known(tmp_path, missing, valid_share):
 # Times
 
 TIME_COLUMNS = [
-    ("SampleTimeFine", 1e6), ("elapsed (s)", 1.0), ("Elapsed Time", 1.0), ("Time (Seconds)", 1.0), ("TimeStamp (s)", 1.0),
-    ("timestamp_us", 1e6), ("Timestamp (µs)", 1e6), ("time [ms]", 1e3), ("Time(ms)", 1e3), ("t_ns", 1e9), ("%time", 1e9),
-    ("__time", 1.0), ("time, s", 1.0), ("Unix Time", 1.0), ("device_time_us", 1e6), ("millis", 1e3), ("seconds", 1.0),
-    ("/imu/time", 1.0), ("rosbagTimestamp", 1e9), ("epoch_ms", 1e3), ("Time_msec", 1e3), ("host time (ns)", 1e9),
-]  # fmt: skip
+    ("SampleTimeFine", 1e6),
+    ("elapsed (s)", 1.0),
+    ("Elapsed Time", 1.0),
+    ("Time (Seconds)", 1.0),
+    ("TimeStamp (s)", 1.0),
+    ("timestamp_us", 1e6),
+    ("Timestamp (µs)", 1e6),
+    ("time [ms]", 1e3),
+    ("Time(ms)", 1e3),
+    ("t_ns", 1e9),
+    ("%time", 1e9),
+    ("__time", 1.0),
+    ("time, s", 1.0),
+    ("Unix Time", 1.0),
+    ("device_time_us", 1e6),
+    ("millis", 1e3),
+    ("seconds", 1.0),
+    ("/imu/time", 1.0),
+    ("rosbagTimestamp", 1e9),
+    ("epoch_ms", 1e3),
+    ("Time_msec", 1e3),
+    ("host time (ns)", 1e9),
+]
 
 
 @pytest.mark.parametrize(("name", "per_s"), TIME_COLUMNS)
@@ -381,11 +436,20 @@ def test_times_go_by_many_names(tmp_path, name, per_s):
 @pytest.mark.parametrize(
     "form",
     [
-        "2024-05-01T12:00:{:06.3f}", "2024-05-01 12:00:{:06.3f}", "2024-05-01T12:00:{:06.3f}Z", "12:00:{:06.3f}",
-        "2024-05-01T12:00:{:09.6f}+02:00", "2024/05/01 12:00:{:06.3f}", "01.05.2024 12:00:{:06.3f}", "00:{:06.3f}",
-        "05/01/2024 12:00:{:06.3f} PM", "2024-05-01_12:00:{:06.3f}", "12:00:{:06.3f} am", "2024-05-01 12:00:{:06.3f} UTC",
+        "2024-05-01T12:00:{:06.3f}",
+        "2024-05-01 12:00:{:06.3f}",
+        "2024-05-01T12:00:{:06.3f}Z",
+        "12:00:{:06.3f}",
+        "2024-05-01T12:00:{:09.6f}+02:00",
+        "2024/05/01 12:00:{:06.3f}",
+        "01.05.2024 12:00:{:06.3f}",
+        "00:{:06.3f}",
+        "05/01/2024 12:00:{:06.3f} PM",
+        "2024-05-01_12:00:{:06.3f}",
+        "12:00:{:06.3f} am",
+        "2024-05-01 12:00:{:06.3f} UTC",
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
 def test_dates_and_clock_times_are_times(tmp_path, form, separator):
     text = table(rows_of(TIMES - 100.0, time=form.format), ["time", *PARTS], separator)
@@ -425,8 +489,10 @@ def raw_sensor(kind, rng):
 @pytest.mark.parametrize("separator", [",", " ", "\t"])
 def test_seven_numbers_of_a_bare_sensor_are_no_tracker(tmp_path, separator, kind, first):
     vectors, turn = raw_sensor(kind, np.random.default_rng(4))
-    rows = [[str(k) if first == "running" else first, *map(number, (*a, *b))]
-            for k, (a, b) in enumerate(zip(vectors, turn, strict=True))]  # fmt: skip
+    rows = [
+        [str(k) if first == "running" else first, *map(number, (*a, *b))]
+        for k, (a, b) in enumerate(zip(vectors, turn, strict=True))
+    ]
     with pytest.raises(ReaderError, match="columns without names"):
         read(tmp_path, table(rows, None, separator))
 
@@ -435,8 +501,10 @@ def test_seven_numbers_of_a_bare_sensor_are_no_tracker(tmp_path, separator, kind
 @pytest.mark.parametrize("separator", [",", ", ", " ", "\t"])
 def test_a_running_number_in_front_of_a_tracker_s_row(tmp_path, start, separator):
     angles = POSES.as_euler("ZYX", degrees=True)
-    rows = [[str(start + k), *map(number, (*(p / 0.0254 + 10.0), *a))] for k, (p, a) in
-            enumerate(zip(POSITIONS, angles, strict=True))]  # fmt: skip
+    rows = [
+        [str(start + k), *map(number, (*(p / 0.0254 + 10.0), *a))]
+        for k, (p, a) in enumerate(zip(POSITIONS, angles, strict=True))
+    ]
     series = read(tmp_path, table(rows, None, separator))
     assert_quats(series, within_rad=1e-6)
     assert series.interval_s == pytest.approx(1 / 240)
@@ -466,15 +534,25 @@ def test_a_rotation_vector_can_be_declared(tmp_path, names, unit):
 
 @pytest.mark.parametrize("time", ["time", "t", "timestamp", "stamp"])
 def test_rx_ry_rz_are_not_taken_for_euler_angles(tmp_path, time):
-    rows = [[number(t), *map(number, p), *map(number, v)]
-            for t, p, v in zip(TIMES, POSITIONS, POSES.as_rotvec(), strict=True)]  # fmt: skip
+    rows = [
+        [number(t), *map(number, p), *map(number, v)]
+        for t, p, v in zip(TIMES, POSITIONS, POSES.as_rotvec(), strict=True)
+    ]
     with pytest.raises(ReaderError, match=r"rv1=rx,rv2=ry,rv3=rz .*or t=…,e1=rx"):
         read(tmp_path, table(rows, [time, "tx", "ty", "tz", "rx", "ry", "rz"]))
 
 
-@pytest.mark.parametrize("names", [("yaw", "pitch", "roll"), ("Yaw (deg)", "Pitch (deg)", "Roll (deg)"),
-                                   ("heading", "pitch", "roll"), ("Euler_X", "Euler_Y", "Euler_Z"),
-                                   ("azimuth", "elevation", "roll"), ("psi", "theta", "phi")])  # fmt: skip
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("yaw", "pitch", "roll"),
+        ("Yaw (deg)", "Pitch (deg)", "Roll (deg)"),
+        ("heading", "pitch", "roll"),
+        ("Euler_X", "Euler_Y", "Euler_Z"),
+        ("azimuth", "elevation", "roll"),
+        ("psi", "theta", "phi"),
+    ],
+)
 def test_euler_angles_are_asked_for_in_their_form(tmp_path, names):
     rows = [[number(t), *map(number, v)] for t, v in zip(TIMES, POSES.as_euler("ZYX", degrees=True), strict=True)]
     with pytest.raises(ReaderError, match=r"e1=.*,e2=.*,e3=.*angle=deg,euler=intrinsic-zyx"):
@@ -489,8 +567,16 @@ def test_a_unit_that_gives_impossible_turning_is_refused(tmp_path, form):
         read(tmp_path, table(rows, ["time", "a", "b", "c"]), columns=f"t=time,{form},angle=rad")
 
 
-@pytest.mark.parametrize(("magic", "name"), [(b"\x1f\x8b\x08\0", "gzip"), (b"\x28\xb5\x2f\xfd", "zstandard"),
-                                            (b"PK\x03\x04", "zip"), (b"\xfd7zXZ\0", "xz"), (b"BZh9", "bzip2")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("magic", "name"),
+    [
+        (b"\x1f\x8b\x08\0", "gzip"),
+        (b"\x28\xb5\x2f\xfd", "zstandard"),
+        (b"PK\x03\x04", "zip"),
+        (b"\xfd7zXZ\0", "xz"),
+        (b"BZh9", "bzip2"),
+    ],
+)
 def test_packed_files_are_named(tmp_path, magic, name):
     path = tmp_path / "a.log.gz"
     path.write_bytes(magic + b"anything")

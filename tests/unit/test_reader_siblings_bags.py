@@ -49,10 +49,18 @@ class Mcap:
         types = STORE.types
         for k, t in enumerate(TIMES):
             made = [
-                message(types, "geometry_msgs/msg/TransformStamped", 0, t, np.roll(quats[k], -1), (0, 0, 0), False,
-                        frame=name.split("_")[0])
+                message(
+                    types,
+                    "geometry_msgs/msg/TransformStamped",
+                    0,
+                    t,
+                    np.roll(quats[k], -1),
+                    (0, 0, 0),
+                    False,
+                    frame=name.split("_")[0],
+                )
                 for name, quats in pairs.items()
-            ]  # fmt: skip
+            ]
             for item, name in zip(made, pairs, strict=True):
                 item.child_frame_id = name.split("_")[1]
             self.add(

@@ -96,7 +96,7 @@ def unwrapped(times_s: FloatArray) -> Unwrapped:
     return Unwrapped(times_s, "")
 
 
-def session_starts(times_s: FloatArray, known: IntArray) -> IntArray:
+def session_starts(times_s: FloatArray, known: IntArray, step_back_s: float = MIN_STEP_BACK_S) -> IntArray:
     """Return (k,) the rows with which another session starts, the first row not among them.
 
     Parameters
@@ -105,11 +105,13 @@ def session_starts(times_s: FloatArray, known: IntArray) -> IntArray:
         (n,) with wraps undone.
     known : array of int
         Rows at which something else shows a new session.
+    step_back_s : float, optional
+        Time that goes back by less is that of rows out of place.
     """
     steps = np.diff(times_s)
     forward = steps[steps > 0.0]
     usual_s = float(np.median(forward)) if len(forward) else 0.0
-    least_s = max(MIN_STEP_BACK_S, NEAR_INTERVALS * usual_s)
+    least_s = max(step_back_s, NEAR_INTERVALS * usual_s)
     starts: list[int] = []
     backs = np.flatnonzero(steps < 0.0) + 1
     for row in backs[steps[backs - 1] <= -least_s].tolist():
