@@ -95,9 +95,10 @@ def run(args: argparse.Namespace) -> int:
 
 def _from_file(path: Path, args: argparse.Namespace) -> tuple[OrientationSeries, Sequence[float]]:
     from host.results.any_file import read_recording
-    from host.results.arguments import reading_of
+    from host.results.arguments import reading
 
-    series, trial = read_recording(path, reading_of(args))
+    how = reading(args.columns, args.rate, args.topic, args.node, args.sensor, args.channel, args.session)
+    series, trial = read_recording(path, how)
     return series, () if trial is None else trial.temperatures_c
 
 

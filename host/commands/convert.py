@@ -49,20 +49,20 @@ def run(args: argparse.Namespace) -> int:
     from host.errors import UsageError, already_there, unwritable
     from host.output.lines import write_line, write_note
     from host.results.any_file import read_recording, score_recording
-    from host.results.arguments import reading_of
+    from host.results.arguments import reading
 
     kind = args.to or SUFFIXES.get(args.out.suffix.lower())
     if kind is None:
         raise UsageError(
             f"the name {args.out.name} does not show a format", f"choose one with --to {{{','.join(FORMATS)}}}"
         )
-    reading = reading_of(args)
+    how = reading(args.columns, args.rate, args.topic, args.node, args.sensor, args.channel, args.session)
     result = None
     if kind in {"endpoints", "mat"}:
-        scored = score_recording(args.file, None, reading)
+        scored = score_recording(args.file, None, how)
         series, result, damage = scored.series, scored.result.to_json(), scored.damage
     else:
-        series, trial = read_recording(args.file, reading)
+        series, trial = read_recording(args.file, how)
         damage = () if trial is None else trial.damage
     try:
         args.out.parent.mkdir(parents=True, exist_ok=True)

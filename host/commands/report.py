@@ -135,10 +135,11 @@ def _window_s(path: Path, args: argparse.Namespace) -> tuple[float | None, float
     if not isinstance(args.start, str) and not isinstance(args.end, str):
         return args.start, args.end
     from host.results.any_file import read_recording
-    from host.results.arguments import reading_of
+    from host.results.arguments import reading
     from host.results.window import resolve_window
 
-    _, trial = read_recording(path, reading_of(args))
+    how = reading(args.columns, args.rate, args.topic, args.node, args.sensor, args.channel, args.session)
+    _, trial = read_recording(path, how)
     return resolve_window((args.start, args.end), trial)
 
 

@@ -206,11 +206,11 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions]:
     from analysis.scoring.choice import parse_endpoints
     from analysis.series import ReaderError
     from host.errors import UsageError
-    from host.results.arguments import excluded, reading_of, window
+    from host.results.arguments import excluded, reading, window
     from host.results.preceding import preceding_endpoints
     from host.results.result import ScoreOptions
 
-    reading = reading_of(args)
+    how = reading(args.columns, args.rate, args.topic, args.node, args.sensor, args.channel, args.session)
     try:
         chosen = None if args.endpoints is None else parse_endpoints(args.endpoints)
     except ReaderError as error:
@@ -222,7 +222,7 @@ def _choices(args: argparse.Namespace) -> tuple[ScoreOptions, ReadOptions]:
         as_published=args.as_published or bool(args.preceding),
         honour_actions=not args.ignore_actions,
         excluded=excluded(args.exclude, args.because),
-        preceding=preceding_endpoints(args.preceding, reading),
+        preceding=preceding_endpoints(args.preceding, how),
         clock=args.json,
     )
-    return options, reading
+    return options, how

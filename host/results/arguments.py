@@ -26,13 +26,20 @@ def add_read_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--session", type=int, metavar="N", help="which session of a file holding several, from 1 on")
 
 
-def reading_of(args: argparse.Namespace) -> ReadOptions:
+def reading(
+    columns: str | None,
+    rate_hz: float | None,
+    topic: str | None,
+    node: int | None,
+    sensor: str | None,
+    channel: str | None,
+    session: int | None,
+) -> ReadOptions:
     """Return how to read a file, as the arguments of :func:`add_read_arguments` choose."""
     from analysis.formats import StreamChoice
     from host.results.any_file import ReadOptions
 
-    choice = StreamChoice(sensor=args.sensor, channel=args.channel, session=args.session)
-    return ReadOptions(args.columns, args.rate, args.topic, args.node, choice)
+    return ReadOptions(columns, rate_hz, topic, node, StreamChoice(sensor, channel, session))
 
 
 def add_window_arguments(parser: argparse.ArgumentParser, note: str = "") -> None:

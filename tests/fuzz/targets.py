@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.formats import read_series
+from analysis.scoring.choice import load_endpoints
 from analysis.series import AnalysisError
 from emulator import ScenarioError
 from emulator.scenario import load_scenario
@@ -25,6 +26,7 @@ from firmware_protocol.serial.framing import MAX_PIECE_BYTES
 from host.cards.definitions import load_cards
 from host.errors import FileError, HostError
 from host.losses.ledger import LossReport
+from host.recording.can_logs import load_can_log
 from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
 from host.recording.recovery import recover
@@ -143,6 +145,9 @@ cards = _answered(load_cards, ".toml", HostError)
 scenario = _answered(_load_scenario, ".toml", ScenarioError)
 series = _answered(read_series, ".csv", AnalysisError)
 bag = _answered(read_series, ".bag", AnalysisError)
+mcap = _answered(read_series, ".mcap", AnalysisError)
+can_log = _answered(load_can_log, ".log", AnalysisError, HostError)
+endpoints = _answered(load_endpoints, ".csv", AnalysisError)
 
 TARGETS: dict[str, Callable[[bytes], None]] = {
     "stream": stream,
@@ -152,5 +157,8 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     "scenario": scenario,
     "series": series,
     "bag": bag,
+    "mcap": mcap,
+    "can_log": can_log,
+    "endpoints": endpoints,
 }
 """Name -> what takes the bytes."""

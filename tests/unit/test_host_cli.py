@@ -190,7 +190,8 @@ def test_bad_input_gets_one_sentence_and_the_code(run, tmp_path, arguments, code
         ("text.mcap", b"this is not a recording at all\n", "not a file known here"),
         ("empty.csv", b"", "is empty"),
         ("words.csv", b"t,qw,qx,qy,qz\n0,1,0,0,0\n0.01,one,0,0,0\n", "line 3"),
-        ("nan.csv", b"t,qw,qx,qy,qz\n0,1,0,0,0\n0.01,nan,0,0,0\n", "line 3"),
+        ("inf.csv", b"t,qw,qx,qy,qz\n0,1,0,0,0\n0.01,inf,0,0,0\n", "line 3"),
+        ("holes.csv", b"t,qw,qx,qy,qz\n0,,0,0,0\n0.01,nan,0,0,0\n", "no row holds an orientation"),
         ("norm.csv", b"t,qw,qx,qy,qz\n0,1,0,0,0\n0.01,3,0,0,0\n", "norm"),
     ],
 )

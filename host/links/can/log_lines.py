@@ -17,12 +17,16 @@ from typing import TextIO
 
 import can
 
+from firmware_protocol.can.frames import FD_BYTES
 from host.errors import FileError
 from host.links.can.log_kind import CANDUMP_LINE, CSV_HEAD, SCREEN_LINE
 
 LINES_AT_A_TIME = 1000
 MAX_LINE_CHARACTERS = 4096
 """A longer line is damage: a CAN FD frame takes 200."""
+MAX_ID = 0x1FFFFFFF
+MAX_TIME_S = 9e9
+"""Times are whole nanoseconds in 64 bits: until the year 2255."""
 _ASC_FRAME = re.compile(
     r"\s*(-?\d+\.\d+)\s+((?:\d+\s+(?:ErrorFrame|[0-9A-Fa-f]{1,8}x?\s+(?:Rx|Tx|TxRq)\s+[dDrR](?:\s+[0-9A-Fa-f]+)*))"
     r"|(?:CANFD\s+\d+\s+(?:Rx|Tx|TxRq)\s+(?:ErrorFrame|[0-9A-Fa-f]{1,8}x?\s)))"
@@ -82,7 +86,9 @@ def _parsed(
 ) -> Iterator[can.Message]:
     """Yield the frames of good lines, each with the time that stands beside it."""
     lines = iter(timed)
-    while batch := list(itertools.islice(lines, LINES_AT_A_TIME)):
+    while asked := list(itertools.islice(lines, LINES_AT_A_TIME)):
+        batch = [item for item in asked if abs(item[0]) <= MAX_TIME_S]
+        left_out.lines += len(asked) - len(batch)
         found = _read_all(batch, reader, head)
         if found is None:  # one of them is damaged in a way that shows only in the reader: the others one by one
             singles = [_read_all([item], reader, head) for item in batch]
@@ -94,12 +100,14 @@ def _parsed(
 def _read_all(
     batch: list[tuple[float, str]], reader: Callable[[io.StringIO], Iterable[can.Message]], head: str
 ) -> list[can.Message] | None:
-    """Return a frame for each line; None where the reader returns another number of them."""
+    """Return a frame for each line; None where the reader returns another number of them, or one that cannot be."""
     try:
         found = list(reader(io.StringIO("\n".join([head, *(line for _, line in batch)]) if head else _joined(batch))))
     except Exception:  # noqa: BLE001 - the readers raise whatever a bad line happens to hit
         return None
-    if len(found) != len(batch):
+    if len(found) != len(batch) or any(
+        not 0 <= item.arbitration_id <= MAX_ID or not 0 <= item.dlc <= FD_BYTES for item in found
+    ):
         return None
     for message, (time_s, _) in zip(found, batch, strict=True):
         message.timestamp = time_s
