@@ -49,7 +49,7 @@ _DAMAGE = (
     RecursionError,
     struct.error,
 )
-_REMEDY = "copy it again, or recover it with an MCAP or ROS tool"
+_REMEDY = "copy it again, or recover it: one of rotdrift with `rotdrift recover`, others with an MCAP or ROS tool"
 
 
 def is_mcap(start: bytes) -> bool:

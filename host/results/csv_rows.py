@@ -12,7 +12,7 @@ from host.text import plain
 COLUMNS = (
     "file", "valid", "theta_bar_deg", "interval_low_deg", "interval_high_deg", "cycles", "period_s", "swing_deg",
     "axis_x", "axis_y", "axis_z", "other_extreme_deg", "sensor_per_cycle_deg", "below_floor", "missing_share",
-    "flagged_cycles", "warnings", "reasons",
+    "flagged_cycles", "warnings", "reasons", "session",
 )  # fmt: skip
 """Names with units; a cell is empty where the value is not known or does not exist."""
 
@@ -30,7 +30,12 @@ def results_csv(rows: Sequence[BatchRow]) -> str:
 def _values(row: BatchRow) -> dict[str, object]:
     result = row.result
     if result is None:
-        return {"file": plain(row.path), "valid": False, "reasons": plain(row.error or "", 400)}
+        return {
+            "file": plain(row.path),
+            "valid": False,
+            "reasons": plain(row.error or "", 400),
+            "session": row.session,
+        }
     low, high = result.interval_deg or (None, None)
     x, y, z = result.axis or (None, None, None)
     other, sensor, losses = result.other_extreme, result.sensor, result.losses
@@ -53,6 +58,7 @@ def _values(row: BatchRow) -> dict[str, object]:
         "flagged_cycles": sum(bool(flags) for flags in result.flags),
         "warnings": plain("; ".join(result.warnings), 2000),
         "reasons": plain("; ".join(result.reasons), 2000),
+        "session": row.session,
     }
 
 
