@@ -12,6 +12,7 @@ from firmware_protocol.packets import Info
 from host.errors import FileError, UsageError, unreadable
 from host.links.can.log_kind import can_log_kind
 from host.recording.load import RecordedTrial, load_trial
+from host.recording.raw_bytes import is_raw_wire, load_raw_wire
 from host.recording.reader import is_our_recording
 from host.results.result import ScoreOptions, score_plain, score_trial
 
@@ -89,6 +90,8 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
                 from host.recording.can_logs import load_can_log  # loads python-can
 
                 trial = load_can_log(path, reading.node, source.rewound(), reading.choice)
+            elif not is_mcap(source.head) and is_raw_wire(source.head):  # a damaged recording holds such bytes too
+                trial = load_raw_wire(path, source.rewound())
             else:
                 series = read_series(
                     source,
