@@ -5,6 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from firmware_protocol.codec import encode_packet
+from firmware_protocol.packets import Event, EventKind
+from firmware_protocol.serial.framing import encode_frame
 from host.errors import FileError
 from host.links.transport import Chunk
 from host.recording.load import assemble
@@ -64,11 +67,6 @@ def test_other_bytes_are_not_of_our_wire(data):
 
 
 def test_packets_without_samples_are_refused(tmp_path, wire):
-    from firmware_protocol.serial.framing import encode_frame
-
-    from firmware_protocol.codec import encode_packet
-    from firmware_protocol.packets import Event, EventKind
-
     path = tmp_path / "raw.bin"
     path.write_bytes(b"".join(encode_frame(encode_packet(Event(k, EventKind.MARKER, k))) for k in range(5)))
     with pytest.raises(FileError, match="holds no samples"):
