@@ -13,7 +13,7 @@ e1 e2 e3    columns of the Euler angles, in the order of ``euler``
 rv1 rv2 rv3 columns of the rotation vector (axis times angle)
 px py pz    columns of the position                                      none
 ax ay az    columns of the acceleration, body frame                      none
-time        unit of t: s, ms, us, ns                                     s
+time        unit of t: s, ms, us, ns, 100us (ticks of 10 kHz)            s
 angle       unit of e1 e2 e3 or rv1 rv2 rv3: rad, deg                    must be given, but rad for rv1 rv2 rv3
 euler       intrinsic-zyx, extrinsic-xyz, …                              must be given
 length      unit of px py pz: m, cm, mm, inch                            m
@@ -40,7 +40,7 @@ from analysis.geometry import rotations
 from analysis.geometry.euler_angles import from_euler, is_order
 from analysis.series import FloatArray, ReaderError
 
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "100us": 1e-4}
 LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
 ACCELERATION_UNITS = {"mps2": 1.0, "g": 9.80665}

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, islice
+from operator import methodcaller
 from typing import TextIO
 
 import numpy as np
@@ -286,7 +287,8 @@ class _DataRows:
             self._width = 0 if first is None else len(first.split(layout.delimiter))
         if layout.width:
             _check_widths(lines, layout)
-        self._n += sum(map(_is_data, lines))
+        if layout.header:
+            self._n += _count(lines)
         return lines
 
     def _without_headers(self, lines: list[str]) -> list[str]:
@@ -299,21 +301,30 @@ class _DataRows:
             # A program that appends may write its lines about the recording again, too.
             while kept and not is_data_row(split_cells(kept[-1], self._layout.delimiter)):
                 kept.pop()
-            self.starts.append(self._n + sum(map(_is_data, kept)))
+            self.starts.append(self._n + _count(kept))
         return kept
 
 
 def _check_widths(lines: list[str], layout: Layout) -> None:
     """Raise ValueError where a row has more cells than the header names, or fewer."""
-    if layout.delimiter is None:
-        widths = {len(line.split()) for line in lines}
+    mark, separators = layout.delimiter, layout.width - 1
+    if mark is None:
+        doubtful = [line for line in lines if len(line.split()) != layout.width]
     else:
-        widths = {line.count(layout.delimiter) + 1 for line in lines}
-    if widths <= {layout.width}:
-        return
-    for line in lines:
+        # One pass in C; lines without any separator are blank, or lack columns that are read.
+        if set(map(methodcaller("count", mark), lines)) <= {separators, 0}:
+            return
+        doubtful = [line for line in lines if line.count(mark) != separators]
+    for line in doubtful:
         if _is_data(line) and not _fits(line, layout):
             raise ValueError(line)
+
+
+def _count(lines: list[str]) -> int:
+    """Return how many of the lines are rows; fast where none is a comment."""
+    if any(map(methodcaller("startswith", (COMMENT, " ", "\t", ",", ";")), lines)):
+        return sum(map(_is_data, lines))
+    return len(lines) - lines.count("")
 
 
 def _fits(line: str, layout: Layout) -> bool:

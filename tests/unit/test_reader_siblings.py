@@ -109,6 +109,23 @@ def test_sensors_side_by_side(tmp_path, prefixes):
 
 
 @pytest.mark.parametrize("apart_s", [0.0, 0.001, 0.005])
+def test_two_sensors_of_other_rates_that_nothing_tells_apart(tmp_path, apart_s):
+    rows = []
+    for k, (row, other) in enumerate(zip(rows_of(), rows_of(TIMES + apart_s, OTHER), strict=True)):
+        rows += [row, other] if k % 3 == 0 else [row]
+    with pytest.raises(ReaderError, match=r"alternate between two orientations 2.*two sensors or two publishers"):
+        read(tmp_path, table(rows, ["time", *PARTS]))
+
+
+@pytest.mark.parametrize("share", [0.02, 0.08])
+def test_a_tracker_that_errs_now_and_then_is_one_sensor(tmp_path, share):
+    rng = np.random.default_rng(5)
+    wrong = rng.random(N) < share
+    rows = [other if bad else row for row, other, bad in zip(rows_of(), rows_of(quats=OTHER), wrong, strict=True)]
+    assert len(read(tmp_path, table(rows, ["time", *PARTS]))) == N
+
+
+@pytest.mark.parametrize("apart_s", [0.0, 0.001, 0.005])
 def test_two_sensors_that_nothing_tells_apart(tmp_path, apart_s):
     rows = [row for pair in zip(rows_of(), rows_of(TIMES + apart_s, OTHER), strict=True) for row in pair]
     with pytest.raises(ReaderError, match=r"alternate between two orientations|do not increase|two sensors"):
@@ -207,6 +224,17 @@ def test_ticks_of_a_tenth_of_a_millisecond_wrap(tmp_path):
     counts = (2.0**32 - 2000 + 100 * np.arange(N)) % 2.0**32
     series = read(tmp_path, table(rows_of(counts * 1e-4, time=lambda t: f"{t:.4f}"), ["time", *PARTS]))
     np.testing.assert_allclose(np.diff(series.times_s), 0.01, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "spec"), [("SampleTime", ""), ("ticks", "t=ticks,time=100us,"), ("count", "t=count,")]
+)
+def test_ticks_of_ten_kilohertz(tmp_path, name, spec):
+    counts = (2.0**32 - 2000 + 100 * np.arange(N)) % 2.0**32
+    columns = spec + "qw=qw,qx=qx,qy=qy,qz=qz" if spec else None
+    series = read(tmp_path, table(rows_of(counts, time=lambda t: f"{t:.0f}"), [name, *PARTS]), columns=columns)
+    np.testing.assert_allclose(np.diff(series.times_s), 100.0 if name == "count" else 0.01, atol=1e-6)
+    assert any("wraps once" in note for note in series.notes)
 
 
 def test_a_short_counter_wraps_many_times(tmp_path):

@@ -25,6 +25,9 @@ PERIODS_S: tuple[tuple[float, str], ...] = (
             (32, "µs", 1e-6),
             (32, "0.1 ms", 1e-4),
             (32, "ms", 1e-3),
+            (16, "ticks", 1.0),
+            (24, "ticks", 1.0),
+            (32, "ticks", 1.0),
         )
     ),
     (_DAY_S, "clock of one day"),

@@ -23,6 +23,9 @@ MIN_ROWS_EACH = 10
 """Rows of a stream, on average: fewer, and the column numbers rows."""
 MIN_CHANGES = 0.2
 """Share of rows at which a column changes that tells streams apart though its name does not show it."""
+MIN_APART_DEG = 0.3
+MIN_ALONE = 0.2
+"""Share of quiet rows that stand alone, from which on they are another sensor's: fewer are set aside as outliers."""
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 _PLURALS = {"sensor": "sensors", "channel": "channels", "node": "nodes", "session": "sessions"}
 _LISTED = 20
@@ -128,6 +131,9 @@ def alternating_deg(steps_deg: npt.NDArray[np.float64], double_steps_deg: npt.ND
     """
     if len(double_steps_deg) < 2 * MIN_ROWS_EACH:
         return None
-    usual = float(np.median(steps_deg))
-    # One moving object is further away after two rows than after one, noise is as far.
-    return usual if usual > 0.3 and float(np.median(double_steps_deg)) < 0.3 * usual else None
+    # One moving object is further away after two rows than after one, noise is as far. Of two streams the rarer one's
+    # rows stand alone: far from both neighbours, which are near each other.
+    nearer = np.minimum(steps_deg[1:], steps_deg[:-1])
+    alone = (nearer > MIN_APART_DEG) & (double_steps_deg < 0.3 * nearer)
+    quiet = double_steps_deg <= np.median(double_steps_deg)  # while the object moves, rows of one stream are apart too
+    return float(np.median(nearer[alone])) if float(alone[quiet].mean()) > MIN_ALONE else None
