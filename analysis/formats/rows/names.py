@@ -20,8 +20,15 @@ _OTHER_TIME = re.compile(
     r"reception|arrival|world|sim)[_ ]?(?:time|time ?stamp|time_stamp|stamp|clock|ticks)|unix|epoch|clock|"
     rf"(?:field\.)?header\.stamp|ticks|seconds|millis|micros)(?:[_ ]*,?[_ ]?[(\[]?({_UNIT})[)\]]?)?"
 )
-_OWN_UNITS = {"sampletimefine": "us", "sampletime": "100us", "rosbagtimestamp": "ns", "%time": "ns", "field.header.stamp": "ns",
-              "millis": "ms", "micros": "us"}  # fmt: skip
+_OWN_UNITS = {
+    "sampletimefine": "us",
+    "sampletime": "100us",
+    "rosbagtimestamp": "ns",
+    "%time": "ns",
+    "field.header.stamp": "ns",
+    "millis": "ms",
+    "micros": "us",
+}
 _NANOSECONDS = re.compile(r"(.*?)(?:nsecs?|nanosecs?|nanoseconds?)")
 _PART = re.compile(r"(?P<prefix>.*?)[\s_./\[(-]*(?P<part>w|x|y|z|scalar)[\])]?", re.DOTALL)
 _XSENS_PART = re.compile(r"(?P<prefix>quat)_?q(?P<part>[0-3])")  # MT Manager; bare q0 … q3 may end with the scalar
