@@ -1,0 +1,32 @@
+"""What each target makes of a random number generator: an input, and all that happens to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from random import Random
+
+from firmware_protocol.serial.framing import encode_frame
+from host.links.transport import Chunk
+from tests.fuzz.result import frames
+from tests.fuzz.result.packets import mutated, serial_chunks
+from tests.fuzz.result.road import follow
+
+
+def serial(rng: Random) -> None:
+    """A session on a serial line, packet by packet odd, to the result."""
+    session, line = mutated(rng)
+    chunks, n_frames = serial_chunks(line, rng)
+    commands = [Chunk(encode_frame(packet), time_ns) for time_ns, packet in session.commands]
+    follow(chunks, commands, n_frames=n_frames)
+
+
+def can(rng: Random) -> None:
+    """A session on a CAN bus, frame by frame odd, to the result; followed by node id, or the first that is heard."""
+    session, line = frames.mutated(rng)
+    chunks = frames.can_chunks(line, rng)
+    commands = [Chunk(packet, time_ns) for time_ns, packet in session.commands]
+    follow(chunks, commands, rng.choice((None, frames.NODE)))
+
+
+TARGETS: dict[str, Callable[[Random], None]] = {"serial": serial, "can": can}
+"""Name -> what makes an input and sends it on its way."""
