@@ -73,8 +73,8 @@ class Run:
         each_ms = 1e3 * self.processor_s / max(self.inputs, 1)
         return (
             f"{self.target}, seed {self.seed}, commit {self.commit}: {self.inputs} inputs in {self.processor_s:.0f} s "
-            f"of processor time, {each_ms:.2f} ms an input; slowest {1e3 * self.slowest_s:.0f} ms (input {self.slowest}), "
-            f"{self.memory_mb:.0f} MB at most; {len(self.finds)} kinds of finds"
+            f"of processor time, {each_ms:.2f} ms an input; slowest {1e3 * self.slowest_s:.0f} ms "
+            f"(input {self.slowest}), {self.memory_mb:.0f} MB at most; {len(self.finds)} kinds of finds"
         )
 
     def save(self, path: Path) -> None:

@@ -9,6 +9,7 @@ from firmware_protocol.serial.framing import encode_frame
 from host.links.transport import Chunk
 from tests.fuzz.result import frames
 from tests.fuzz.result.packets import mutated, serial_chunks
+from tests.fuzz.result.recorded import recording
 from tests.fuzz.result.road import follow
 
 
@@ -28,5 +29,5 @@ def can(rng: Random) -> None:
     follow(chunks, commands, rng.choice((None, frames.NODE)))
 
 
-TARGETS: dict[str, Callable[[Random], None]] = {"serial": serial, "can": can}
+TARGETS: dict[str, Callable[[Random], None]] = {"serial": serial, "can": can, "recording": recording}
 """Name -> what makes an input and sends it on its way."""
