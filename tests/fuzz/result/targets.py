@@ -8,6 +8,7 @@ from random import Random
 from firmware_protocol.serial.framing import encode_frame
 from host.links.transport import Chunk
 from tests.fuzz.result import frames
+from tests.fuzz.result.members import submission
 from tests.fuzz.result.packets import mutated, serial_chunks
 from tests.fuzz.result.recorded import recording
 from tests.fuzz.result.road import follow
@@ -29,5 +30,10 @@ def can(rng: Random) -> None:
     follow(chunks, commands, rng.choice((None, frames.NODE)))
 
 
-TARGETS: dict[str, Callable[[Random], None]] = {"serial": serial, "can": can, "recording": recording}
+TARGETS: dict[str, Callable[[Random], None]] = {
+    "serial": serial,
+    "can": can,
+    "recording": recording,
+    "submission": submission,
+}
 """Name -> what makes an input and sends it on its way."""
