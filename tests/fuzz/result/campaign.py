@@ -19,8 +19,6 @@ from tests.fuzz.result.bounds import TooSlowError, limited_time, peak_memory_mb
 from tests.fuzz.result.road import BrokenError
 
 ROOT = Path(__file__).parents[3]
-SLICE = 500
-"""Inputs between two states in the file."""
 
 
 @dataclass
@@ -48,33 +46,37 @@ class Run:
     slowest_s: float = 0.0
     slowest: int = 0
     memory_mb: float = 0.0
+    outcomes: dict[str, int] = field(default_factory=dict)
+    """How many inputs became what."""
     finds: dict[str, Find] = field(default_factory=dict)
     """By what is wrong and where."""
 
-    def try_inputs(self, try_one: Callable[[Random], None], n: int) -> None:
+    def try_inputs(self, try_one: Callable[[Random], str], n: int) -> None:
         """Try the next n inputs."""
         for number in range(self.inputs, self.inputs + n):
             before = time.process_time()
-            error = tried(self, try_one, number)
+            became = tried(self, try_one, number)
             seconds = time.process_time() - before
             self.processor_s += seconds
             if seconds > self.slowest_s:
                 self.slowest_s, self.slowest = seconds, number
-            if error is not None:
-                key = signature(error)
-                find = self.finds.setdefault(key, Find(f"{type(error).__name__}: {error}"[:300], number))
-                find.inputs += 1
-                find.examples = [*find.examples, number][:5]
+            if isinstance(became, str):
+                self.outcomes[became] = self.outcomes.get(became, 0) + 1
+                continue
+            find = self.finds.setdefault(signature(became), Find(f"{type(became).__name__}: {became}"[:300], number))
+            find.inputs += 1
+            find.examples = [*find.examples, number][:5]
         self.inputs += n
         self.memory_mb = max(self.memory_mb, round(peak_memory_mb(), 1))
 
     def line(self) -> str:
         """Return what was reached, in a line."""
+        became = ", ".join(f"{n} {name}" for name, n in sorted(self.outcomes.items()))
         each_ms = 1e3 * self.processor_s / max(self.inputs, 1)
         return (
             f"{self.target}, seed {self.seed}, commit {self.commit}: {self.inputs} inputs in {self.processor_s:.0f} s "
             f"of processor time, {each_ms:.2f} ms an input; slowest {1e3 * self.slowest_s:.0f} ms "
-            f"(input {self.slowest}), {self.memory_mb:.0f} MB at most; {len(self.finds)} kinds of finds"
+            f"(input {self.slowest}), {self.memory_mb:.0f} MB at most; {len(self.finds)} kinds of finds; {became}"
         )
 
     def save(self, path: Path) -> None:
@@ -90,14 +92,13 @@ def load(path: Path) -> Run:
     return Run(**{**values, "finds": {key: Find(**find) for key, find in values["finds"].items()}})
 
 
-def tried(run: Run, try_one: Callable[[Random], None], number: int) -> BaseException | None:
-    """Try one input within its bounds; return what was raised."""
+def tried(run: Run, try_one: Callable[[Random], str], number: int) -> str | BaseException:
+    """Try one input within its bounds; return what became of it, or what was raised."""
     try:
         with limited_time():
-            try_one(Random(f"{run.target} {run.seed} {number}"))
+            return try_one(Random(f"{run.target} {run.seed} {number}"))
     except (Exception, TooSlowError) as error:  # noqa: BLE001 - whatever it is, it is a find
         return error
-    return None
 
 
 def signature(error: BaseException) -> str:

@@ -22,7 +22,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", type=int, metavar="NUMBER", help="try this input alone")
     parser.add_argument("--state", type=Path, metavar="FILE", help="a long run of one target: go on as it says")
-    parser.add_argument("--slices", type=int, default=1, help=f"with --state: of {campaign.SLICE} inputs each")
+    parser.add_argument("--slices", type=int, default=1, help="with --state: how many, then end")
+    parser.add_argument("--slice", type=int, default=500, help="inputs between two states in the file")
     parser.add_argument(
         "--processor-s", type=float, default=float("inf"), help="with --state: end after so much in all"
     )
@@ -51,7 +52,7 @@ def _long(name: str, args: argparse.Namespace) -> int:
     for _ in range(args.slices):
         if run.processor_s >= args.processor_s:
             break
-        run.try_inputs(TARGETS[name], campaign.SLICE)
+        run.try_inputs(TARGETS[name], args.slice)
         run.save(args.state)
         print(run.line(), flush=True)
     _report(run)

@@ -58,7 +58,7 @@ def mutated(rng: Random) -> tuple[Session, list[Delivered]]:
 def some(line: Sequence[object], rng: Random, longest: int = 40) -> slice:
     """Return a part of a line, mostly short."""
     start = rng.randrange(len(line) + 1)
-    return slice(start, start + rng.choice((1, 1, 2, 3, 10, rng.randrange(1, longest))))
+    return slice(start, start + rng.choice((1, 1, 2, 3, 10, rng.randrange(1, max(longest, 2)))))
 
 
 def _one_field(line: list[Delivered], rng: Random) -> None:
@@ -187,11 +187,11 @@ def _another_length(line: list[Delivered], rng: Random) -> None:
         each.packet += rng.randbytes(rng.choice((1, 2, 8, 100)))
         del each.packet[MAX_PACKET_BYTES:]
     else:
-        del each.packet[rng.randrange(1, len(each.packet) + 1) :]
+        del each.packet[rng.randrange(len(each.packet) + 1) :]
 
 
 def _another_type(line: list[Delivered], rng: Random) -> None:
-    rng.choice(line).packet[0] = rng.choice((*PacketType, 0, 0x08, 0x7F, 0x80, 0xFF))
+    rng.choice(line).packet[:1] = bytes([rng.choice((*PacketType, 0, 0x08, 0x7F, 0x80, 0xFF))])
 
 
 def shift_times(line: Sequence[Delivered], step_ns: int) -> None:

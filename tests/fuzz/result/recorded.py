@@ -18,7 +18,7 @@ from host.recording.reader import RecordingReader
 from host.recording.recovery import recover
 from host.results.result import ScoreOptions
 from tests.fuzz.result.records import mutated
-from tests.fuzz.result.road import check_score, check_trial, demand, differences, play_live
+from tests.fuzz.result.road import REFUSED, check_score, check_trial, demand, differences, outcome, play_live
 from tests.fuzz.targets import one_sentence
 
 WITHOUT_EDITS = ScoreOptions(honour_actions=False)
@@ -39,25 +39,27 @@ def folder() -> Path:
 _folder: Path | None = None
 
 
-def recording(rng: Random) -> None:
+def recording(rng: Random) -> str:
     """A recording whose records are odd, to the result."""
     data, closed = mutated(rng)
     path = folder() / f"{os.getpid()}.mcap"
     path.write_bytes(data)
-    trial = _followed(path, closed)
+    trial, became = _followed(path, closed)
     if rng.randrange(RECOVERED_EVERY) == 0:
         _recovered(path, trial)
+    return became
 
 
-def _followed(path: Path, closed: bool) -> RecordedTrial | None:
+def _followed(path: Path, closed: bool) -> tuple[RecordedTrial | None, str]:
     try:
         trial = load_trial(path)
     except (HostError, AnalysisError) as error:
         one_sentence(error)
-        return None
+        return None, REFUSED
     check_trial(trial)
     demand(closed or trial.damage, "a recording without its end is reported")
-    if check_score(trial) is not None and trial.actions:
+    result = check_score(trial)
+    if trial.actions:
         check_score(trial, WITHOUT_EDITS)
     reader = RecordingReader(path)
     chunks = list(reader.chunks())
@@ -66,7 +68,7 @@ def _followed(path: Path, closed: bool) -> RecordedTrial | None:
         demand(n_bytes == trial.counters.bytes, "as many bytes chunk by chunk", (n_bytes, trial.counters.bytes))
     live = play_live(chunks, recorded_commands(path), actions=recorded_actions(path))
     demand(live == trial.losses, "replayed and offline ledger", differences(live, trial.losses))
-    return trial
+    return trial, outcome(result)
 
 
 def _recovered(path: Path, trial: RecordedTrial | None) -> None:

@@ -10,7 +10,7 @@ import math
 import re
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -37,6 +37,8 @@ MAX_STEP_DEG = 180.0 + 1e-9
 STATES_EVERY = 5.0
 """The replay makes a picture of its state in every so many parts of a second of the recording."""
 OPTIONS = ScoreOptions(clock=True)
+REFUSED, NOT_SCORED, NOT_VALID, VALID = "refused", "not scored", "scored, not valid", "scored, valid"
+"""What becomes of an input."""
 LEFT_OUT = re.compile(r"(\d+) samples whose device time did not increase were left out")
 
 
@@ -54,19 +56,10 @@ def demand(holds: object, check: str, detail: object = "") -> None:
         raise BrokenError(check, detail)
 
 
-@dataclass(frozen=True)
-class Way:
-    """What an input became on its way."""
-
-    trial: RecordedTrial
-    live: LossReport
-    result: Result | None
-
-
 def follow(
     chunks: Sequence[AnyChunk], commands: Sequence[AnyChunk] = (), node: int | None = None, n_frames: int | None = None
-) -> Way | None:
-    """Send what a link delivered through both paths to the result; None where it is refused.
+) -> str:
+    """Send what a link delivered through both paths to the result; return what became of it.
 
     Parameters
     ----------
@@ -87,11 +80,16 @@ def follow(
         trial = assemble(chunks, "fuzz", node, trips)
     except (HostError, AnalysisError) as error:
         one_sentence(error)
-        return None
+        return REFUSED
     check_trial(trial, n_frames)
     result = check_score(trial)
     demand(live == trial.losses, "live and offline ledger", differences(live, trial.losses))
-    return Way(trial, live, result)
+    return outcome(result)
+
+
+def outcome(result: Result | None) -> str:
+    """Return in a word what a score became."""
+    return NOT_SCORED if result is None else VALID if result.valid else NOT_VALID
 
 
 def play_live(

@@ -11,7 +11,7 @@ from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Command, GetInfo, Mark, Start, Stop, TimeRequest
 from tests.recorded_trials import MONOTONIC_NS, scenario
 
-READ_S = 0.05
+READ_S = 0.1
 DEVICE, OTHER = 0xA1, 0xB2
 
 
@@ -66,9 +66,9 @@ def _run(name: str, device: dict[str, int], motion: dict[str, float], raw: bool 
     while step * READ_S < virtual.end_s:
         step += 1
         now_s = step * READ_S
-        if step % 9 == 5:
+        if step % 5 == 3:
             command_id = 3 + step % 200
-            ask(Mark(command_id, step) if step % 4 == 0 else TimeRequest(command_id), now_s - READ_S / 2)
+            ask(Mark(command_id, step) if step % 3 == 0 else TimeRequest(command_id), now_s - READ_S / 2)
         virtual.firmware.step(now_s, sink)
         deliveries.append(Delivery(MONOTONIC_NS + round(now_s * 1e9), tuple(waiting)))
         waiting.clear()
