@@ -6,6 +6,7 @@ of the line and needs no warm-up. Where segments start, whoever unwrapped the de
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import pairwise
@@ -49,7 +50,7 @@ class RemappedSegment:
     stop: int
     """One past the last sample."""
     skew_ppm: float
-    """Mean rate of the device clock over the host's, minus one."""
+    """Mean rate of the device clock over the host's, minus one; NaN where host time stands still, as no clock does."""
     jitter_p50_ns: float
     """Median of arrival minus mapped time over the chunks' newest samples, ns."""
     jitter_p99_ns: float
@@ -148,7 +149,7 @@ def remap(
             RemappedSegment(
                 start=start,
                 stop=stop,
-                skew_ppm=1e6 * (1000.0 / (1000.0 + mean_slope) - 1.0),
+                skew_ppm=_skew_ppm(mean_slope),
                 jitter_p50_ns=p50,
                 jitter_p99_ns=p99,
                 n_chunks=len(residual),
@@ -234,6 +235,12 @@ def _least_delayed(chunks: _Chunks, slope: float) -> list[Point]:
     _, best = np.unique(chunks.arrival_ns[order] // SECOND_NS, return_index=True)
     keep = order[best]
     return sorted(zip(chunks.newest_us[keep].tolist(), delay_ns[keep].tolist(), strict=True))
+
+
+def _skew_ppm(slope: float) -> float:
+    """Return how much faster the device clock runs where delay changes by ``slope`` ns per us of device time."""
+    host_ns = 1000.0 + slope  # per us of device time; a damaged recording may claim none at all
+    return 1e6 * (1000.0 / host_ns - 1.0) if host_ns > 0.0 else math.nan
 
 
 def _longest_slope(pieces: list[_Chunks]) -> float:

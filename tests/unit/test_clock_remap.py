@@ -1,8 +1,11 @@
 """The offline pass: centred windows, steps and segments of a recording."""
 
+import math
+
 import numpy as np
 import pytest
 
+from host.clock import remap as offline
 from tests.clock_chunks import remapped as remap
 
 MODULUS = 2**32
@@ -130,3 +133,11 @@ def test_what_cannot_be_is_refused():
         remap([1, 2], [1])
     with pytest.raises(ValueError, match="backwards at sample 2"):
         remap([1, 2, 3], [1, 5, 4])
+
+
+def test_where_host_time_stands_still_no_skew_is_known():
+    """Thirty years of device time in a nanosecond: only a damaged recording claims that."""
+    (segment,) = offline.remap([0, 10**15], [999_999_999, 10**9]).segments
+    assert math.isnan(segment.skew_ppm)
+    (segment,) = offline.remap([0, 10**7, 2 * 10**7], [0, 10**10, 2 * 10**10]).segments
+    assert segment.skew_ppm == pytest.approx(0.0, abs=1e-9)

@@ -20,6 +20,7 @@ from tempfile import TemporaryDirectory
 import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, DataEnd, Footer, Metadata, Schema
 from mcap.records import Chunk as McapChunk
@@ -56,6 +57,8 @@ TEXTS = (
     "null",
 )
 ACTION_KINDS = ("marker", "note", "window-start", "window-stop", "exclude", "include", "finish", "pause", "guide", "?")
+UNREADABLE = (McapError, struct.error, ValueError)
+"""What the library raises of records that an earlier mutation cut."""
 TIMES_S = (*FLOATS, 0.5, 1.0, 1.5, 2.0, 1e9)
 
 
@@ -181,7 +184,12 @@ def _raw_field(line: Line, rng: Random) -> None:
 def _description(line: Line, rng: Random) -> None:
     """The recording's own description with edge values; its CRC is put right."""
     for place in _of(line, Opcode.METADATA):
-        values = dict(Metadata.read(ReadDataStream(io.BytesIO(line[place].body))).metadata)
+        try:
+            values = dict(Metadata.read(ReadDataStream(io.BytesIO(line[place].body))).metadata)
+        except UNREADABLE:
+            continue
+        if not values:
+            continue
         key = rng.choice(sorted(values))
         if rng.random() < 0.2:
             del values[key]
@@ -198,7 +206,10 @@ def _channel(line: Line, rng: Random) -> None:
     if not places:
         return
     place = rng.choice(places)
-    channel = Channel.read(ReadDataStream(io.BytesIO(line[place].body)))
+    try:
+        channel = Channel.read(ReadDataStream(io.BytesIO(line[place].body)))
+    except UNREADABLE:
+        return
     topics = [topic.name for topic in fmt.TOPICS]
     other = (
         replace(channel, id=rng.choice((0, 1, 2, 9, 10, 65535))),
