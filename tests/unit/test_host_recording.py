@@ -291,3 +291,20 @@ def test_message_definitions_change_only_with_the_version_of_the_format():
     """Other tools take two definitions of one type for two types: old and new recordings must have the same."""
     definitions = b"".join(topic.name.encode() + bytes(topic.schema) for topic in fmt.TOPICS)
     assert (fmt.FORMAT_VERSION, zlib.crc32(definitions)) == (1, 0xF6E9B5CE)
+
+
+@pytest.mark.parametrize("kind", [Chunk, FrameChunk])
+def test_a_time_that_no_clock_counts_is_damage_in_front_of_numpy(tmp_path, kind):
+    path = tmp_path / "trial.mcap"
+    times_ns = [MONO, 2**63, MONO + 1, 2**64 - 1, 2**63 - 1]
+    with_writer = writer(path)
+    for time_ns in times_ns:
+        with_writer.add_received(kind(b"abc\0", time_ns))
+    with_writer.close()
+    reader = RecordingReader(path)
+    assert [chunk.host_time_ns for chunk in reader.chunks()] == [MONO, MONO + 1, 2**63 - 1]
+    damage = "a record of /raw/received is damaged (its time is later than any clock counts) and left out"
+    assert reader.damage == [damage] * 2
+    spans = list(reader.spans())
+    assert b"".join(span.data for span in spans) == b"abc\0" * 3
+    assert reader.damage == [damage] * 2
