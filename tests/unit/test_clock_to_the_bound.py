@@ -144,5 +144,5 @@ def test_a_line_of_given_slope_is_anchored_at_its_newest_point():
     line = line_with_slope([(10, 500.0), (20, 300.0), (40, 900.0)], 2.0)
     assert line.delay_at(40) == 340.0
     assert line.delay_at(20) == 300.0
-    with pytest.raises(ValueError, match="^an envelope needs at least one point$"):
+    with pytest.raises(ValueError, match=r"^an envelope needs at least one point$"):
         line_with_slope([], 1.0)
