@@ -312,13 +312,20 @@ def follows(name: str, claimed: bytes | None, made: bytes | None) -> bool:
         return False
     try:
         if name == "submission.json":
-            one, other = ({**json.loads(data), **dict.fromkeys(FREE)} for data in (claimed, made))
-            return _same(one, other)
+            one, other = json.loads(claimed), json.loads(made)
+            return _free(one) and _same({**one, **dict.fromkeys(FREE)}, {**other, **dict.fromkeys(FREE)})
         numbers = [NUMBER.findall(data.decode()) for data in (claimed, made)]
         words = [NUMBER.sub("#", data.decode()) for data in (claimed, made)]
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, KeyError):
         return False
     return words[0] == words[1] and all(_near(one, other) for one, other in zip(*numbers, strict=True))
+
+
+def _free(values: Any) -> bool:
+    """Return whether what is free to choose is at least of the right kind."""
+    versions = values["made_with"]
+    texts = [values["title"], *versions, *versions.values()] if isinstance(versions, dict) else [None]
+    return all(isinstance(text, str) for text in texts)
 
 
 def _near(one: str, other: str) -> bool:
