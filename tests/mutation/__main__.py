@@ -86,8 +86,8 @@ def settings(name: str) -> str:
     plain = [
         "use_git_change_detection=false",
         "track_dependencies=false",
-        "timeout_multiplier=30",
-        "timeout_constant=20",
+        "timeout_multiplier=15",
+        "timeout_constant=5",
     ]
     return "\n".join(["[mutmut]", *lines, *plain, ""])
 
