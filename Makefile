@@ -82,9 +82,10 @@ fuzz: $(VENV)/.dev
 lock: $(VENV)/.release
 	$(BIN)/python -m release.lock $(if $(UPGRADE),--upgrade)
 
-# Known vulnerabilities of what is installed to run; the database is asked over the network.
+# Known vulnerabilities of what is installed to run; the database is asked over the network. Without --strict, packages
+# that it could not be asked about would pass as sound.
 audit: $(VENV)/.release
-	$(BIN)/pip-audit --requirement requirements/run.txt --require-hashes --disable-pip
+	$(BIN)/pip-audit --requirement requirements/run.txt --require-hashes --disable-pip --strict
 
 # Wheel, sdist, what is in them (CycloneDX), and their hashes; the same commit gives the same bytes.
 dist: $(VENV)/.run $(VENV)/.release

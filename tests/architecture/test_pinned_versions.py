@@ -9,6 +9,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from release import lock
+
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PIN = re.compile(r"^([\w.-]+)==([^\s;]+)", re.MULTILINE)
@@ -108,6 +110,19 @@ def test_nothing_is_installed_but_by_hash():
     for line in lines[1:]:
         assert "$(LOCKED) -r" in line or line.strip() == "@$(PIP) --no-deps --editable .", line
     assert "pip install" not in (ROOT / ".ci" / "run").read_text()
+
+
+def test_what_was_resolved_becomes_pins_and_two_versions_of_one_package_are_refused():
+    resolved = "b==2 ; sys_platform == 'win32'\nA_c==1.0 \\\n    --hash=sha256:0\nb==2\n"
+    assert lock.pins(resolved) == "A_c==1.0\nb==2\n"
+    assert [block.split("==")[0] for block in lock.blocks(resolved)] == ["b", "A_c", "b"]
+    with pytest.raises(ValueError, match="more than one version of b"):
+        lock.pins(resolved + "b==3 ; python_version < '3.12'\n")
+
+
+def test_an_audit_that_could_not_ask_about_a_package_fails():
+    (line,) = (line for line in (ROOT / "Makefile").read_text().splitlines() if "pip-audit" in line)
+    assert "--strict" in line
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / ".github" / "workflows").glob("*.yml")), ids=lambda path: path.stem)
