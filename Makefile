@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 # Every file that is installed is one whose hash stands in requirements/; what is built is built with what is there.
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install --quiet --no-build-isolation
 LOCKED := $(PIP) --require-hashes
+EDITABLE := PYTHONWARNINGS=ignore $(PIP) --no-deps --editable . # setuptools warns of every editable installation
 
 # The tests start Python some hundred times; without byte code each start compiles everything again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -24,12 +25,12 @@ $(VENV)/.build: requirements/build.txt | $(BIN)/python
 
 $(VENV)/.run: requirements/run.txt pyproject.toml $(VENV)/.build
 	@$(LOCKED) -r $<
-	@$(PIP) --no-deps --editable .
+	@$(EDITABLE)
 	@touch $@
 
 $(VENV)/.dev: requirements/dev.txt requirements/run.txt pyproject.toml $(VENV)/.build
 	@$(LOCKED) -r $<
-	@$(PIP) --no-deps --editable .
+	@$(EDITABLE)
 	@touch $@ $(VENV)/.run
 
 $(VENV)/.docs $(VENV)/.bench $(VENV)/.release: $(VENV)/.%: requirements/%.txt $(VENV)/.build
