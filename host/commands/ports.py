@@ -78,6 +78,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
     from rich.text import Text
 
     from host.output.drawings import open_console
+    from host.text import one_line
 
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold", pad_edge=False)
     for name in ("link", "VID:PID", "what it is", "held by"):
@@ -85,7 +86,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         state = f" ({row['state']})" if row.get("state") else ""
         cells = [row["link"], row.get("vid_pid", ""), row["description"] + state, ", ".join(row.get("owners", ()))]
-        table.add_row(*(Text(cell) for cell in cells))
+        table.add_row(*(Text(one_line(cell)) for cell in cells))
     # As wide as it needs: a link is there to be copied.
     console = open_console()
     wide = console.measure(table, options=console.options.update(max_width=1000)).maximum

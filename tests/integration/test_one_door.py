@@ -502,3 +502,54 @@ def test_the_check_finds_what_is_left():
     for bad in ("\x1b[31m", "\x07", "\x7f", "\x9b", "\r", "\u202e", "\u2066", "\u200f", "\u2028", "\ufeff", "\udcff"):
         assert faults(f"a{bad}b")
     assert faults("a\nFAKE: done") == ["FAKE: done"]
+
+
+# ---- what devices and drivers report ---------------------------------------------------------------------------------
+
+
+def hostile_ports():
+    from serial.tools.list_ports_common import ListPortInfo
+
+    port = ListPortInfo(f"/dev/tty{HOSTILE.replace('/', '')}")
+    port.description = port.product = port.manufacturer = port.serial_number = HOSTILE
+    port.vid, port.pid = 0x2341, 0x43
+    return [port]
+
+
+@pytest.mark.parametrize("words", ["ports", "ports --json", "doctor", "doctor --json", "capture serial:x"])
+def test_names_of_devices_are_shown_harmless(words, tmp_path, monkeypatch):
+    monkeypatch.setattr("host.links.serial.listing._list_ports.comports", hostile_ports)
+    monkeypatch.setattr("can.detect_available_configs", lambda kinds: [{"interface": kinds[0], "channel": HOSTILE}])
+    done = run(*words.split(), cwd=tmp_path)
+    assert "evil" in done.stdout + done.stderr
+    if "--json" in words:
+        json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("kind", ["SerialException", "OSError", "ValueError"])
+def test_messages_of_serial_drivers_are_shown_harmless(kind, tmp_path, monkeypatch):
+    import serial
+
+    error = {"SerialException": serial.SerialException, "OSError": OSError, "ValueError": ValueError}[kind]
+
+    def fails(*_, **__):
+        raise error(HOSTILE)
+
+    monkeypatch.setattr("host.links.serial.port._serial_for_url", fails)
+    for debug in ([], ["--debug"]):
+        run(*debug, "capture", "serial:/dev/null", "--reconnect", "0", cwd=tmp_path)
+        run(*debug, "doctor", "serial:/dev/null", cwd=tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["CanInitializationError", "CanOperationError", "OSError", "ImportError"])
+def test_messages_of_can_drivers_are_shown_harmless(kind, tmp_path, monkeypatch):
+    import can
+
+    def fails(*_, **__):
+        raise ({"OSError": OSError, "ImportError": ImportError}.get(kind) or getattr(can, kind))(HOSTILE)
+
+    monkeypatch.setattr("can.Bus", fails)
+    for interface in ("pcan", "kvaser", "virtual", "udp_multicast"):
+        for debug in ([], ["--debug"]):
+            link = f"can:{interface}:PCAN_USBBUS1?bitrate=500000"
+            run(*debug, "capture", link, "--reconnect", "0", cwd=tmp_path)
