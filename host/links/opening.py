@@ -93,7 +93,8 @@ def open_within(
     LinkError
         It was stopped.
     """
-    opening, end_s = Opening(open_it, methodcaller("close")), time.monotonic() + limit_s
+    opening: Opening[Transport] = Opening(open_it, methodcaller("close"))
+    end_s = time.monotonic() + limit_s
     try:
         while not opening.wait(POLL_S):
             if stop is not None and stop.is_set():

@@ -16,6 +16,7 @@ from __future__ import annotations
 import contextlib
 import os
 import select
+import socket
 import sys
 import time
 from collections.abc import Callable
@@ -75,8 +76,13 @@ def open_transport(uri: LinkUri) -> SerialTransport:
 def close_port(port: Any) -> None:  # noqa: ANN401 (pyserial has no class of all its ports)
     """Close a port of pyserial for good: its own closing leaves the socket open where the peer has gone."""
     connection = getattr(port, "_socket", None)
+    if type(port).__module__ == "serial.urlhandler.protocol_socket":
+        port.is_open = False  # its own closing sleeps for 0.3 s, in which Ctrl-C would wait
     with contextlib.suppress(*DRIVER_ERRORS):
         port.close()
+    with contextlib.suppress(OSError):
+        if connection is not None:
+            connection.shutdown(socket.SHUT_RDWR)
     with contextlib.suppress(OSError):
         if connection is not None:
             connection.close()
