@@ -139,7 +139,7 @@ def _frame_times(parts: list[AnyChunk], *functions: str) -> IntArray:
     no_data = FrameFlag.EXTENDED | FrameFlag.REMOTE | FrameFlag.ERROR | FrameFlag.SENT
     found = (records["arbitration_id"] & ~np.uint32(FD_BIT)) >> NODE_BITS
     wanted = np.isin(found, [CanFunction[name] for name in functions]) & (records["flags"] & int(no_data) == 0)
-    times: IntArray = records["host_time_ns"][wanted].astype(np.int64)
+    times: IntArray = records["host_time_ns"][wanted].clip(0, parts[-1].host_time_ns).astype(np.int64)
     return times
 
 

@@ -226,7 +226,8 @@ class TrialAssembly:
         """Feed what CAN frames completed that were decoded together; each is placed by its own chunk all the same."""
         from firmware_protocol.can.frames import frame_array
 
-        frames = [frame_array(part.data)["host_time_ns"].astype(np.int64) for part in parts]
+        # No frame of a chunk is received behind it, whatever a recording claims.
+        frames = [frame_array(part.data)["host_time_ns"].clip(0, part.host_time_ns) for part in parts]
         frames_ns = np.concatenate(frames)
         stops = np.cumsum([len(times_ns) for times_ns in frames])
         span = RawSpan(b"", stops, np.array([part.host_time_ns for part in parts], dtype=np.int64))

@@ -193,6 +193,10 @@ def raw_length(data: bytes, at: int = 0) -> int | None:
     return _RAW_HEAD.size + length if head == CDR_LITTLE_ENDIAN and kind <= SENT_KIND else None
 
 
+MAX_HOST_NS = 2**62
+"""A monotonic clock that counts from the start of the machine gets no further: 146 years."""
+
+
 def decode_raw(message: bytes, topic: str = RECEIVED) -> AnyChunk:
     """Read the CDR bytes of one raw chunk back.
 
@@ -215,6 +219,8 @@ def decode_raw(message: bytes, topic: str = RECEIVED) -> AnyChunk:
         raise DamagedMessageError(f"it is of a kind this version does not know, {kind}")
     if (kind == SENT_KIND) != (topic == SENT):
         raise DamagedMessageError("it belongs to another channel")
+    if host_time_ns >= MAX_HOST_NS:
+        raise DamagedMessageError("no clock reads the time at which it was received")
     return FrameChunk(data, host_time_ns) if kind == FRAMES_KIND else Chunk(data, host_time_ns)
 
 

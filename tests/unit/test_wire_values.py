@@ -6,13 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.sample_streams import turning
+from firmware_protocol.can.frames import CanFrame, pack_frames
 from firmware_protocol.codec import encode_packet
 from firmware_protocol.packets import Info, OrientationBatch, Status, TimeReply
 from firmware_protocol.serial.framing import encode_frame
-from host.links.transport import Chunk
+from host.links.transport import Chunk, FrameChunk
 from host.losses.ledger import LossLedger
 from host.losses.object_counts import room_for
-from host.recording.load import assemble
+from host.recording.load import assemble, load_trial
+from host.recording.reader import RecordingReader
+from host.recording.writer import RecordingWriter
 from host.results.parts import losses_per_cycle
 from host.results.result import ScoreOptions, score_trial
 from host.stream.numbers import AGREEING, REFUSED, SequenceUnwrapper
@@ -218,3 +221,20 @@ def frame(number):
     angle = 0.02 * number
     q_wxyz = (float(np.cos(angle)), float(np.sin(angle)), 0.0, 0.0)
     return encode_frame(encode_packet(Orientation(number % 2**16, number * PERIOD_US % 2**32, q_wxyz)))
+
+
+@pytest.mark.parametrize("kind", [Chunk, FrameChunk])
+def test_a_time_of_reception_that_no_clock_reads_is_damage(kind, tmp_path):
+    frames = [CanFrame(0x183, bytes(8), host_time_ns=each) for each in (2**63 - 1, -(2**63), 5)]
+    data = pack_frames(frames) if kind is FrameChunk else b"bytes"
+    writer = RecordingWriter(tmp_path / "x.mcap", "memory:", 10**18, 10**12)
+    for at_ns in (10**12, 2**62, 2**63 - 1, 2**64 - 1, 2 * 10**12):
+        writer.add_received(kind(data, at_ns))
+    writer.close()
+    reader = RecordingReader(tmp_path / "x.mcap")
+    assert [chunk.host_time_ns for chunk in reader.chunks()] == [10**12, 2 * 10**12]
+    assert reader.damage
+    trial = load_trial(tmp_path / "x.mcap")
+    assert trial.damage
+    assert trial.losses.produced == 0
+    assert trial.clock is None

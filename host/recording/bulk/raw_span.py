@@ -115,6 +115,7 @@ def _good(view: memoryview, starts: IntArray, ends: IntArray) -> tuple[BoolArray
         & (heads["encapsulation"] == _ENCAPSULATION)
         & (heads["kind"] == fmt.BYTES_KIND)
         & (heads["host_time_ns"] >= 0)
+        & (heads["host_time_ns"] < fmt.MAX_HOST_NS)
     )
     whole = slice(None) if good.all() else np.flatnonzero(good)
     chosen = heads[whole]
