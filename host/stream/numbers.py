@@ -54,6 +54,8 @@ class SequenceUnwrapper:
         self._intervals_us: deque[int] = deque(maxlen=INTERVALS_KEPT)  # between neighbours that nothing came between
         self._odd: tuple[int, int] | None = None  # the last one as on the wire, if it was refused
         self._n_odd = 0  # refused ones in a row that follow each other
+        self.n_refused = 0
+        """Of those fed last."""
         self._shortest_us = LONGEST_US  # not above any of these; their median is worked out for long pauses alone
 
     @property
@@ -88,6 +90,11 @@ class SequenceUnwrapper:
             as it is, or read nearest to ``start``. Where k < n, numbers start again at sample k: call :meth:`restart`,
             and feed the rest.
         """
+        self.n_refused = 0
+        if len(sequence) == 1:  # most of what comes live
+            number = self._next(int(sequence[0]), int(device_time_us[0]))
+            self.n_refused += number == REFUSED
+            return np.array([] if number is None else [number], dtype=np.int64)
         if len(sequence) > FEW and self._odd is None:
             together = self._together(sequence, device_time_us)
             if together is not None:
@@ -97,6 +104,7 @@ class SequenceUnwrapper:
             unwrapped = self._next(number, time_us)
             if unwrapped is None:
                 break
+            self.n_refused += unwrapped == REFUSED
             numbers.append(unwrapped)
         return np.array(numbers, dtype=np.int64)
 
@@ -110,7 +118,7 @@ class SequenceUnwrapper:
             period_us = self.period_us
             if period_us is not None and elapsed_us > HALF // 2 * period_us:
                 change += round((elapsed_us / period_us - change) / SEQUENCE_MODULUS) * SEQUENCE_MODULUS
-        if self._newest_us >= 0 and not self._fits(change, elapsed_us):
+        if not 0 < change <= SPARE_SAMPLES and self._newest_us >= 0 and not self._fits(change, elapsed_us):
             return self._refuse(sequence, time_us)
         self._odd = None
         number = newest + change

@@ -21,6 +21,7 @@ from host.stream.numbers import REFUSED, SequenceUnwrapper
 from host.stream.time_axis import TimeAxis
 
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 
 START_US = 1e6
 """Before the first sample the time is the host's, and a STATUS may have come so much earlier than it was processed."""
@@ -78,7 +79,7 @@ class SamplePlaces:
         self,
         batch: OrientationBatch,
         times_us: IntArray,
-        host_time_ns: IntArray,
+        host_time_ns: Sequence[int] | IntArray,
         statuses: Sequence[tuple[int, Status, int]] = (),
     ) -> list[SampleBlock]:
         """Return the new ones of n >= 1 samples of unwrapped device time, numbered, timed and entered in the ledger.
@@ -89,17 +90,22 @@ class SamplePlaces:
         while start < len(batch):
             if self.ledger.is_new:
                 self._start_numbers(int(batch.sequence[start]), int(host_time_ns[start]))
-            rest = slice(start, None) if start else slice(None)
-            numbers = self.numbers.feed(batch.sequence[rest], times_us[rest])
+            sequence, rest_us = (batch.sequence[start:], times_us[start:]) if start else (batch.sequence, times_us)
+            numbers = self.numbers.feed(sequence, rest_us)
             stop = start + len(numbers)
+            if stop - start == len(batch) and not self.numbers.n_refused:  # as nearly always
+                received_ns = int(host_time_ns[-1])
+                self._open_with(int(times_us[0]), int(numbers[0]), int(host_time_ns[0]))
+                keep = self._enter(batch, numbers, times_us, received_ns, statuses)
+                blocks = [self._block(batch, numbers, times_us, keep, received_ns)]
+                break
             if stop > start:
                 is_last = stop == len(batch)
                 here = [each for each in waiting if each[0] < stop or is_last]
                 waiting = waiting[len(here) :]
                 part = slice(start, stop)
-                piece = batch if is_last and not start else batch.part(part)
                 among = [(max(position - start, 0), status, room) for position, status, room in here]
-                blocks.append(self._enter(piece, numbers, times_us[part], host_time_ns[part], among))
+                blocks.append(self._enter_good(batch.part(part), numbers, times_us[part], host_time_ns[part], among))
             if stop < len(batch):
                 self.start_segment()  # the clock goes on
             start = stop
@@ -122,48 +128,63 @@ class SamplePlaces:
         batch: OrientationBatch,
         numbers: IntArray,
         times_us: IntArray,
-        host_time_ns: IntArray,
+        host_time_ns: int,
+        statuses: Sequence[tuple[int, Status, int]],
+    ) -> BoolArray:
+        """Enter samples in the ledger, and return (n,) which are new."""
+        samples = UnwrappedSamples(self.damage.n_placed, times_us, batch.quats_wxyz, host_time_ns)
+        self._enter_gap()
+        keep = self.ledger.feed(numbers, self.damage.place(len(numbers)), statuses)
+        for inform in self.on_samples:
+            inform(samples)
+        self.next_index = max(self.next_index, int(numbers.max()) + self.index_shift + 1)
+        return keep
+
+    def _enter_good(
+        self,
+        batch: OrientationBatch,
+        numbers: IntArray,
+        times_us: IntArray,
+        host_time_ns: Sequence[int] | IntArray,
         statuses: Sequence[tuple[int, Status, int]],
     ) -> SampleBlock:
-        """Enter samples in the ledger, refused ones as damaged frames, and return those that are new."""
+        """Enter samples of which some are refused, these as damaged frames; return those that are new."""
         good = numbers != REFUSED
-        first_good = int(np.argmax(good))
-        if good[first_good]:
-            if not self.axis.is_open:
-                self._open_segment(int(times_us[first_good]), int(numbers[first_good]), int(host_time_ns[first_good]))
-            elif self.ledger.is_new:
-                self._shift_index(int(numbers[first_good]))
         keep, waiting = good.copy(), list(statuses)
         for start, stop in pairwise([0, *(np.flatnonzero(np.diff(good)) + 1).tolist(), len(good)]):
             here = [each for each in waiting if each[0] < stop or (stop == len(good) and each[0] >= stop)]
             waiting = waiting[len(here) :]
             among = [(position - start, status, room) for position, status, room in here]
+            part = slice(start, stop)
             if good[start]:
-                samples = UnwrappedSamples(
-                    self.damage.n_placed,
-                    times_us[start:stop],
-                    batch.quats_wxyz[start:stop],
-                    int(host_time_ns[stop - 1]),
-                )
-                part = numbers[start:stop]
-                self._enter_gap()
-                keep[start:stop] = self.ledger.feed(part, self.damage.place(stop - start), among)
-                for inform in self.on_samples:
-                    inform(samples)
-                self.next_index = max(self.next_index, int(part.max()) + self.index_shift + 1)
+                self._open_with(int(times_us[start]), int(numbers[start]), int(host_time_ns[start]))
+                received_ns = int(host_time_ns[stop - 1])
+                keep[part] = self._enter(batch.part(part), numbers[part], times_us[part], received_ns, among)
             else:
                 self.n_refused += stop - start
                 self.damage.refuse(stop - start)
                 for _, status, room in among:
                     self.ledger.status(status, room)
-        time_s = self.axis.place(times_us, int(host_time_ns[-1])) if self.axis.is_open else np.zeros(len(numbers))
+        return self._block(batch, numbers, times_us, keep, int(host_time_ns[-1]))
+
+    def _block(
+        self, batch: OrientationBatch, numbers: IntArray, times_us: IntArray, keep: BoolArray, host_time_ns: int
+    ) -> SampleBlock:
+        time_s = self.axis.place(times_us, host_time_ns) if self.axis.is_open else np.zeros(len(numbers))
         index = numbers + self.index_shift if self.index_shift else numbers
-        block = SampleBlock(index, time_s, batch.quats_wxyz, batch.flags, int(host_time_ns[-1]))
+        block = SampleBlock(index, time_s, batch.quats_wxyz, batch.flags, host_time_ns)
         return block if keep.all() else block.chosen(keep)
 
+    def _open_with(self, time_us: int, number: int, host_time_ns: int) -> None:
+        """Let a segment, or an account within one, open with a sample, where none is open."""
+        if not self.axis.is_open:
+            self._open_segment(time_us, number, host_time_ns)
+        elif self.ledger.is_new:
+            self._shift_index(number)
+
     def _open_segment(self, time_us: int, number: int, host_time_ns: int) -> None:
-        # Where the account went on, so do the numbers, and the shift stays; unless they would meet those given before.
-        if self.axis.segments and (self.ledger.is_new or number + self.index_shift < self.next_index):
+        # Where the account went on, so do the numbers, and the shift stays: the account knows which samples are new.
+        if self.axis.segments and self.ledger.is_new:
             self._shift_index(number)
         self.axis.open(time_us, host_time_ns)
 

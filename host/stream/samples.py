@@ -261,7 +261,7 @@ class SampleAssembler:
                     if self._held.crowded:
                         return blocks
                 piece = batch if last - first == len(batch) else batch.part(slice(first, last))
-                received_ns = np.full(last - first, host_time_ns, dtype=np.int64)
+                received_ns = [host_time_ns] * (last - first)
                 blocks += [block for block in self._places.place(piece, piece_us, received_ns) if len(block)]
             if end < len(batch):
                 if doubts:
