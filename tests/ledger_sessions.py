@@ -278,7 +278,7 @@ def _wrong_account(recorded: RecordedTrial, n_boots: int) -> list[str]:
     if len(recorded.series):
         edges = np.linspace(recorded.series.times_s[0], recorded.series.times_s[-1], 5).tolist()
         for cycle in losses_per_cycle(recorded, edges):
-            if min(cycle.produced, cycle.missing, cycle.rejected, cycle.dropped_by_device) < 0:
+            if min(cycle.received, cycle.missing, cycle.rejected, cycle.dropped_by_device) < 0:
                 wrong.append(f"a cycle's part is negative: {cycle}")
     return wrong
 

@@ -120,6 +120,11 @@ class LossLedger:
         """Whether the present account waits for its first sample."""
         return self._account.first is None
 
+    @property
+    def known_end(self) -> int:
+        """Number after the last sample of this account known to have been produced; 0 before its first."""
+        return 0 if self.is_new else self._account.known_end
+
     def new_segment(self, shift: int = 0) -> None:
         """Close the account: the device was reset or its clock stepped, and its numbers cannot be compared.
 

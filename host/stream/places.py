@@ -62,6 +62,8 @@ class SamplePlaces:
     def start_segment(self) -> None:
         """Let the next sample open an account whose numbers cannot be compared with those before."""
         self.enter_damage()
+        # Samples that a STATUS knew of behind the last one are missing: the index leaves room for them.
+        self.next_index = max(self.next_index, self.ledger.known_end + self.index_shift)
         self.ledger.new_segment(self.index_shift)
         self.numbers.restart()
 

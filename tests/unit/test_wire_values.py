@@ -47,13 +47,13 @@ def host_ns(number):
     return 10**12 + number * PERIOD_US * 1000
 
 
-def assembled(*items, numbers=None):
+def assembled(*items):
     """Feed samples (ranges) and STATUS packets in order."""
     assembler, blocks, now = SampleAssembler(), [], 0
     for item in items:
         if isinstance(item, Status):
-            now = max(now, item.uptime_us % 10**9 // PERIOD_US) if numbers is None else now
-        else:
+            now = max(now, item.uptime_us % 10**9 // PERIOD_US)
+        elif not isinstance(item, Info):
             now = int(np.max(item if isinstance(item, range) else item.device_time_us // PERIOD_US))
             item = batch(item) if isinstance(item, range) else item
         blocks += assembler.feed([item], host_ns(now))
@@ -104,6 +104,13 @@ def test_what_a_status_had_too_many_is_taken_back_by_the_next():
     assert parts(ledger.report()) == (200, 200, 0, 0, 0)
     assert ledger.report().exact
     assert ledger.refused == 0
+
+
+def test_the_index_leaves_room_for_what_was_missing_behind_a_segments_last_sample():
+    assembler, blocks = assembled(Info(1, 1), range(50), status(60), Info(1, 2), range(100, 120))
+    assert blocks[-1].index.tolist() == list(range(60, 80))
+    (run,) = assembler.missing_runs()
+    assert (run.first, run.end) == (50, 60)
 
 
 def test_two_that_agree_are_believed_against_the_one_before():
