@@ -3,15 +3,17 @@
 import json
 import struct
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from firmware_protocol.can.frames import pack_frames
 from firmware_protocol.packets import OrientationBatch
 from host.capture.playback import play, recorded_actions, recorded_commands
-from host.links.transport import GapChunk
+from host.links.transport import FrameChunk, GapChunk
 from host.recording.completeness import NumberedRecords
 from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
@@ -23,7 +25,9 @@ from host.screen.screens import QuietScreen
 from host.stream.decoding import Link
 from host.stream.samples import SampleAssembler
 from host.trial.live import Trial
+from tests.can_traffic import object_at
 from tests.command_line import rotdrift_here
+from tests.emulated_packets import trial_packets
 from tests.faulty_trials import faulty_chunks
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks
 
@@ -160,6 +164,21 @@ def test_a_hole_of_zeros_over_most_of_the_file_is_the_files(ideal, tmp_path):
     assert (
         f"{n} records of /raw/received are missing from the file: damaged there, not lost on the link" in trial.damage
     )
+
+
+@pytest.mark.parametrize("fd", [False, True], ids=["classic", "fd"])
+@pytest.mark.parametrize("damage", [remove, another_byte_inside])
+def test_of_a_can_recording_too(fd, damage, tmp_path):
+    frames = object_at(fd=fd).encode(trial_packets("fast", 20.0))
+    timed = [replace(frame, host_time_ns=MONOTONIC_NS + k * 5_000_000) for k, frame in enumerate(frames)]
+    reads = [timed[start : start + 4] for start in range(0, len(timed), 4)]
+    data = written(tmp_path / "whole.mcap", [FrameChunk(pack_frames(read), read[-1].host_time_ns) for read in reads])
+    path = tmp_path / "hurt.mcap"
+    path.write_bytes(damage(data, 200, 10))
+    whole, hurt = load_trial(tmp_path / "whole.mcap").losses, load_trial(path).losses
+    assert (whole.missing, hurt.lost, hurt.rejected) == (0, 0, 0)
+    assert hurt.damaged_in_file == whole.received - hurt.received > 10
+    assert one_by_one(path) == hurt
 
 
 @pytest.fixture(scope="module")
