@@ -12,6 +12,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +20,15 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Statistics
+from mcap.writer import MCAP0_MAGIC
+
+from host.recording.walk import ENDINGS, FRAME, MAX_RECORD_BYTES, SUMMARY_CRC_BYTES
 
 IntArray = npt.NDArray[np.int64]
 
 FARTHEST = 1_000_000
 """A number farther from the one before is damaged itself: nothing of what it leaves out is counted."""
+_FOOTER_BYTES = FRAME.size + ENDINGS[Opcode.FOOTER]
 
 
 class SectionChecksums:
@@ -172,6 +177,40 @@ class Completeness:
         if missing or disordered:
             return [f"records of {topic} stand in the file twice or out of order: damaged in the file"]
         return []
+
+
+def stated_counts(path: Path) -> dict[int, int]:
+    """Return how many records a closed file states by channel; empty where it was not closed, or states it damaged.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    """
+    end_bytes = _FOOTER_BYTES + len(MCAP0_MAGIC)
+    with path.open("rb") as file:
+        footer_at = file.seek(0, io.SEEK_END) - end_bytes
+        if footer_at < 0:
+            return {}
+        file.seek(footer_at)
+        end = file.read()
+        if end[0] != Opcode.FOOTER or end[_FOOTER_BYTES:] != MCAP0_MAGIC:
+            return {}
+        footer = Footer.read(ReadDataStream(io.BytesIO(end[FRAME.size :])))
+        if not max(footer_at - MAX_RECORD_BYTES, 0) < footer.summary_start < footer_at:
+            return {}
+        file.seek(footer.summary_start)
+        summary = file.read(footer_at - footer.summary_start + _FOOTER_BYTES)
+    if footer.summary_crc != zlib.crc32(summary[:-SUMMARY_CRC_BYTES]):
+        return {}
+    at = 0
+    while at + FRAME.size <= len(summary) - _FOOTER_BYTES:
+        kind, length = FRAME.unpack_from(summary, at)
+        if kind == Opcode.STATISTICS:
+            found = Statistics.read(ReadDataStream(io.BytesIO(summary[at + FRAME.size : at + FRAME.size + length])))
+            return dict(found.channel_message_counts)
+        at += FRAME.size + length
+    return {}
 
 
 WHOSE = "damaged there, not lost on the link"

@@ -13,7 +13,7 @@ import heapq
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from itertools import chain
 from operator import itemgetter
@@ -29,7 +29,7 @@ from host.links.transport import MAX_CHUNK_BYTES, AnyChunk
 from host.recording import format as fmt
 from host.recording.bulk.span_checksums import span_checksums
 from host.recording.cdr import CDR_LITTLE_ENDIAN, RosMessageType
-from host.recording.completeness import FARTHEST
+from host.recording.completeness import FARTHEST, stated_counts
 from host.recording.reader import RecordingHeader, parse_header, parse_missing
 from host.recording.views import add_views
 from host.recording.writer import RecordingWriter
@@ -50,7 +50,7 @@ class Recovery:
     """Whole records of what the operator did."""
     notes: int
     missing_chunks: int
-    """Records of what the link delivered that are damaged; behind the last whole one nobody can count them."""
+    """Records of what the link delivered that are damaged; behind the last whole one only a closed file counts them."""
     missing_others: int
     """Records of the other kinds above that are damaged."""
     header_found: bool
@@ -106,6 +106,7 @@ def recover(source: Path, target: Path) -> Recovery:
         # A capture killed before its first flush leaves a header and nothing else: that is a recording too.
         for message in chain(leading, messages):
             copier.copy(message)
+        copier.count_last(stated_counts(source))
         found = copier.finish(header_found=header is not None)
         writer.add_note("recovered", f"from {source.name}: {'; '.join(found.sentences())}", copier.last_ns)
     finally:
@@ -154,6 +155,13 @@ class _Copier:
             self._next[message.topic] = message.sequence + 1
         else:
             self._next[message.topic] = expected + 1
+
+    def count_last(self, stated: Mapping[int, int]) -> None:
+        """Count what is missing behind the last whole record of each channel, by how many the file states."""
+        for channel, topic in enumerate(fmt.TOPICS, start=1):
+            gone = stated.get(channel, 0) - self._next.get(topic.name, 0)
+            if topic.name in COUNTED and 0 < gone < FARTHEST:
+                self._note_missing(topic.name, gone)
 
     def _note_missing(self, topic: str, records: int) -> None:
         """Count missing records, and record them in their place, so that nobody takes them for a loss on the link."""

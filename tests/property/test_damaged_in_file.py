@@ -229,6 +229,15 @@ def test_a_recovered_recording_keeps_what_its_source_lacked(ideal, tmp_path):
         assert sentence in " ".join(rotdrift_here(*command, tmp_path / "clean.mcap").stdout.split())
 
 
+def test_recovery_counts_what_is_missing_at_the_end_of_a_closed_file(ideal, tmp_path):
+    _, data = ideal
+    n = len(received_records(data))
+    (tmp_path / "hurt.mcap").write_bytes(another_byte_inside(data, n - 3, 3))
+    report = recover(tmp_path / "hurt.mcap", tmp_path / "clean.mcap")
+    assert (report.chunks, report.missing_chunks) == (n - 3, 3)
+    assert any("3 records of /raw/received are missing" in text for text in load_trial(tmp_path / "clean.mcap").damage)
+
+
 def gaps_one_by_one(numbers):
     """Where records are missing, and how many, by the plain rule: what a number leaves out in front of it."""
     found, expected = [], 0
