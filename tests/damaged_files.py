@@ -48,7 +48,7 @@ def _within_frames(chunks):
 
 
 def records_of(data):
-    """Start and end of each record, by walking the file as the format says."""
+    """Start and end of each record, by walking the file record by record."""
     found, at = [], 8
     while at < len(data) - 8:
         end = at + HEAD.size + HEAD.unpack_from(data, at)[1]

@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     Raises
     ------
     UsageError
-        FILE is not a recording; the message says what it is.
+        FILE is not a recording; the message names what it is.
     FileError
         It cannot be read.
     """

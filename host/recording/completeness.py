@@ -2,7 +2,7 @@
 
 A record that is damaged in its head is skipped without a trace, and the samples in it look as if the link had lost
 them. But the records of a channel are numbered, and a file that was closed states how many there are. So it is known
-where records are missing, and the account of samples can tell the file's damage from the link's losses.
+where records are missing, and the account of samples separates the file's damage from the link's losses.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class Completeness:
         self._earlier[topic] += records
 
     def add_other(self, kind: int, body: memoryview) -> None:
-        """Enter a record that is no message."""
+        """Enter a record other than a message."""
         if not 0 < kind <= Opcode.DATA_END:
             self._strange += 1
         elif kind == Opcode.DATA_END:

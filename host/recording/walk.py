@@ -35,6 +35,20 @@ MESSAGE = struct.Struct("<HIQQ")
 """What the body of a message starts with: channel, number, time of logging, time of publishing."""
 
 
+class RecordBody(ReadDataStream):
+    """The body of a record: a field that reaches behind it is an error, which the library takes for a shorter one."""
+
+    def __init__(self, body: memoryview) -> None:
+        super().__init__(io.BytesIO(body))
+
+    def read(self, length: int) -> bytes:
+        """Return so many bytes."""
+        data = super().read(length)
+        if len(data) != length:
+            raise EOFError
+        return data
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class WalkedRecord:
     """One record; or, where ``run`` is given, many messages that follow each other."""
@@ -147,7 +161,7 @@ class RecordWalk:
 def unpacked(body: memoryview, on_problem: Callable[[str], object]) -> tuple[McapChunk, memoryview] | None:
     """Return a chunk and what is in it, whose checksum is checked; None where that cannot be had, which is reported."""
     try:
-        chunk = McapChunk.read(ReadDataStream(io.BytesIO(body)))
+        chunk = McapChunk.read(RecordBody(body))
         if chunk.uncompressed_size > MAX_RECORD_BYTES:
             raise ValueError("too large")
         stream, _ = get_chunk_data_stream(chunk, validate_crc=True)

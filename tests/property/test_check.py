@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
@@ -327,3 +328,15 @@ def test_exit_codes_and_json(trial, tmp_path):
     assert done.returncode == 1
     assert done.stdout.splitlines()[-1].startswith("damaged: ")
     assert rotdrift_here("check", tmp_path / "nothing.mcap").returncode == 4
+
+
+def test_a_chunk_that_claims_more_than_its_record_holds_is_damaged(tmp_path):
+    """The library's own parser takes a shorter field for a whole one; its reader then loses its step."""
+    made = foreign(FOREIGN[3])
+    at = next(start for start, _ in made.records if made.data[start] == Opcode.CHUNK)
+    length_at = at + 9 + 8 + 8 + 8 + 4 + 4 + len("zstd")
+    (length,) = struct.unpack_from("<Q", made.data, length_at)
+    hurt = made.data[:length_at] + struct.pack("<Q", length + 1) + made.data[length_at + 8 :]
+    assert not officially_sound(hurt)
+    (problem,) = [each for each in problems_of(tmp_path, hurt).problems if each.at == at]
+    assert "a chunk is damaged" in problem.what

@@ -58,7 +58,7 @@ def test_any_damage_gives_the_same_trial_or_a_sentence(whole, tmp_path_factory, 
     path.write_bytes(change(data, records, *how))
     try:
         trial = load_trial(path)
-    except FileError:  # nothing of it can be read, and that is said
+    except FileError:  # nothing of it can be read, and that is reported
         return
     assert trial.damage or same(trial, expected)
     losses = trial.losses  # the link lost nothing, so whatever is missing is the file's

@@ -169,7 +169,7 @@ def test_a_hole_of_zeros_over_most_of_the_file_is_the_files(ideal, tmp_path):
 @pytest.mark.parametrize("fd", [False, True], ids=["classic", "fd"])
 @pytest.mark.parametrize("damage", [remove, another_byte_inside])
 def test_of_a_can_recording_too(fd, damage, tmp_path):
-    frames = object_at(fd=fd).encode(trial_packets("fast", 20.0))
+    frames = object_at(fd=fd).encode(trial_packets("fast", 8.0))
     timed = [replace(frame, host_time_ns=MONOTONIC_NS + k * 5_000_000) for k, frame in enumerate(frames)]
     reads = [timed[start : start + 4] for start in range(0, len(timed), 4)]
     data = written(tmp_path / "whole.mcap", [FrameChunk(pack_frames(read), read[-1].host_time_ns) for read in reads])

@@ -173,7 +173,7 @@ class RecordRuns:
         self._linked: _LinkedRecords | None = None
 
     def at(self, offset: int) -> MessageRun | EvenRun | None:
-        """Return the run that starts with the record at an offset; None where that is no whole message."""
+        """Return the run that starts with the record at an offset; None where that is not a whole message."""
         if self._block[offset] != _MESSAGE:
             return None
         if self._linked is None:
@@ -230,7 +230,7 @@ class _LinkedRecords:
         self._breaks, self._following = breaks.tolist(), following.tolist()
 
     def at(self, offset: int) -> MessageRun | None:
-        """Return the run that starts with the record at an offset; None where that is no whole message."""
+        """Return the run that starts with the record at an offset; None where that is not a whole message."""
         first = int(np.searchsorted(self._starts, offset))
         parts: list[slice] = []
         while first < len(self._starts) and self._starts[first] == offset:
@@ -268,7 +268,7 @@ def _walked(block: memoryview) -> IntArray:
     firsts = places[np.diff(sections[places], prepend=-1) > 0]
     at = np.concatenate(([0], maybe[firsts]))
     stops = np.append(at[1:], last + 1)
-    lengths = np.ndarray((last + 2,), "<u4", block, 1, strides=(1,))  # what needs more than four bytes is no message
+    lengths = np.ndarray((last + 2,), "<u4", block, 1, strides=(1,))  # what needs more than four bytes is not a message
     steps = [at]
     while len(steps) < MOST_STEPS and (at < stops).any():
         at = at + lengths[at]

@@ -89,7 +89,7 @@ class CheckReport:
     n_problems: int
     """How many there are, those not kept one by one too."""
     notes: tuple[Finding, ...]
-    """What is no damage, but worth knowing."""
+    """Not damage, but worth knowing."""
     channels: tuple[ChannelAccount, ...] = ()
     checksums: dict[str, str] = field(default_factory=dict)
     """Of data and summary: ``fits``, ``does not fit``, ``not stated``."""

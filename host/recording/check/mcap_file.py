@@ -11,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -37,7 +36,7 @@ from host.recording.check.messages import CheckedChannel, MessageCheck
 from host.recording.check.own import OwnCheck
 from host.recording.check.summary import WRONG_INDEX, MetChunk, MetRecords, SummaryCheck
 from host.recording.completeness import SectionChecksums
-from host.recording.walk import FRAME, MESSAGE, RecordWalk, unpacked
+from host.recording.walk import FRAME, MESSAGE, RecordBody, RecordWalk, unpacked
 
 STILL_WRITTEN_S = 5.0
 """A file without an end that changed within so long is being recorded right now."""
@@ -78,20 +77,6 @@ def check_mcap(path: Path, now_s: Callable[[], float] = time.time) -> CheckRepor
             return _McapCheck(file).report(being_written=0 <= age_s < STILL_WRITTEN_S)
     except OSError as error:
         raise unreadable(path, error) from error
-
-
-class _Body(ReadDataStream):
-    """The body of a record: a field that reaches behind it is an error, which the library takes for a shorter one."""
-
-    def __init__(self, body: memoryview) -> None:
-        super().__init__(io.BytesIO(body))
-
-    def read(self, length: int) -> bytes:
-        """Return so many bytes."""
-        data = super().read(length)
-        if len(data) != length:
-            raise EOFError
-        return data
 
 
 class _McapCheck:
@@ -239,7 +224,7 @@ class _McapCheck:
             self._notes.add(at, f"a record of kind {kind} is {owner}", "it is passed over")
 
     def _parse(self, at: int, kind: int, body: memoryview) -> None:
-        stream = _Body(body)
+        stream = RecordBody(body)
         size = FRAME.size + len(body)
         if kind == Opcode.HEADER:
             Header.read(stream)
@@ -333,7 +318,7 @@ class _McapCheck:
             self._damage.add(at, "a chunk states another first or last time than its messages have", WRONG_INDEX)
 
     def _add_attachment(self, at: int, body: memoryview) -> None:
-        stream = _Body(body)
+        stream = RecordBody(body)
         stream.read(16)
         name = stream.read_prefixed_string()
         stream.read_prefixed_string()

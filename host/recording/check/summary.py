@@ -97,7 +97,7 @@ class SummaryCheck:
         self._indexed["chunk"].add(found.chunk_start_offset)
         if met is None:
             self._damage.add(
-                at, f"a chunk is said to start at {found.chunk_start_offset}, where none does", WRONG_INDEX
+                at, f"a chunk starts at {found.chunk_start_offset} by the index, and none does", WRONG_INDEX
             )
             return
         pairs = {
@@ -132,7 +132,7 @@ class SummaryCheck:
             )
 
     def add_summary_offset(self, at: int, found: SummaryOffset) -> None:
-        """Enter where the records of one kind are said to stand."""
+        """Enter where the records of one kind stand, as stated."""
         group = found.group_opcode, found.group_start + found.group_length
         if found.group_length and self._met.groups.get(found.group_start) != group:
             self._damage.add(at, f"no group of the summary is at {found.group_start}, as stated", WRONG_INDEX)
@@ -141,14 +141,14 @@ class SummaryCheck:
         """Enter the footer; ``summary_start`` is the offset behind the end of the data, None where there is none."""
         offsets = [start for start, (kind, _) in self._met.groups.items() if kind == Opcode.SUMMARY_OFFSET]
         if found.summary_start and found.summary_start != summary_start:
-            what = f"the summary is said to start at {found.summary_start}, the data end at {summary_start}"
+            what = f"the summary starts at {found.summary_start} by the footer, the data end at {summary_start}"
             self._damage.add(at, what, WRONG_INDEX)
         if (
             found.summary_offset_start
             and offsets != [found.summary_offset_start]
             and (offsets or summary_start is None)
         ):
-            what = f"the summary's offsets are said to start at {found.summary_offset_start}"
+            what = f"the summary's offsets start at {found.summary_offset_start} by the footer, and none does"
             self._damage.add(at, what, WRONG_INDEX)
         if found.summary_start:
             self._check_complete(at)
