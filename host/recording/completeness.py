@@ -22,7 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Statistics
 from mcap.writer import MCAP0_MAGIC
 
-from host.recording.walk import ENDINGS, FRAME, MAX_RECORD_BYTES, SUMMARY_CRC_BYTES
+from host.recording.bulk.walk import ENDINGS, FRAME, MAX_RECORD_BYTES, SUMMARY_CRC_BYTES
 
 IntArray = npt.NDArray[np.int64]
 

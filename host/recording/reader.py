@@ -29,8 +29,8 @@ from host.links.transport import AnyChunk, GapChunk
 from host.recording import format as fmt
 from host.recording.bulk.raw_span import RawSpan, raw_spans
 from host.recording.bulk.record_runs import EvenRun, MessageRun, by_channel, on_channels
+from host.recording.bulk.walk import FRAME, MESSAGE, READ_BLOCK_BYTES, RecordWalk, chunk_records
 from host.recording.completeness import Completeness
-from host.recording.walk import FRAME, MESSAGE, READ_BLOCK_BYTES, RecordWalk, chunk_records
 
 IntArray = npt.NDArray[np.int64]
 

@@ -30,13 +30,13 @@ from mcap.writer import MCAP0_MAGIC
 
 from host.errors import FileError, unreadable
 from host.recording.bulk.record_runs import EvenRun, MessageRun, RecordRuns
+from host.recording.bulk.walk import FRAME, MESSAGE, RecordBody, RecordWalk, unpacked
 from host.recording.check.account import ChannelAccount, CheckReport, Findings
 from host.recording.check.message_index import MessageIndexCheck
 from host.recording.check.messages import CheckedChannel, MessageCheck
 from host.recording.check.own import OwnCheck
 from host.recording.check.summary import WRONG_INDEX, MetChunk, MetRecords, SummaryCheck
 from host.recording.completeness import SectionChecksums
-from host.recording.walk import FRAME, MESSAGE, RecordBody, RecordWalk, unpacked
 
 STILL_WRITTEN_S = 5.0
 """A file without an end that changed within so long is being recorded right now."""
