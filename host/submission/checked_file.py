@@ -11,6 +11,7 @@ from host.errors import FileError, UsageError, unreadable
 from host.links.can.log_kind import can_log_kind
 from host.recording.check.account import CheckReport
 from host.recording.check.mcap_file import check_mcap
+from host.recording.raw_bytes import is_raw_wire
 from host.submission.archive import BundleError
 from host.submission.bundle import MANIFEST, check_manifest, read_bundle, read_folder
 from host.text import plain
@@ -84,6 +85,8 @@ def _other(path: Path, head: bytes) -> tuple[str, str]:
     log = can_log_kind(head)
     if log is not None:
         return f"a CAN log ({log})", score
+    if is_raw_wire(head):
+        return "bytes of a link without times of arrival", score
     if b"\0" in head:
         return "a binary file of no kind known here", "if it once was a recording, try `rotdrift recover`"
     first = head.decode("utf-8", "replace").lstrip("\ufeff").splitlines()[:1]

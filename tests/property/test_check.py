@@ -18,6 +18,9 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 from zstandard import ZstdError
 
+from firmware_protocol.codec import encode_packet
+from firmware_protocol.packets import Info
+from firmware_protocol.serial.framing import encode_frame
 from host.errors import FileError, UsageError
 from host.recording import format as fmt
 from host.recording.check.mcap_file import STILL_WRITTEN_S, check_mcap
@@ -285,6 +288,7 @@ def test_definitions_of_another_version_are_noted(tmp_path, monkeypatch):
         ("a.parquet", b"PAR1" + bytes(50), "a parquet file"),
         ("a.blf", b"LOGG" + bytes(50), "a CAN log (BLF)"),
         ("a.bin", bytes(50), "a binary file"),
+        ("wire.bin", encode_frame(encode_packet(Info(device_id=7, boot_id=1))) * 5, "bytes of a link"),
     ],
 )
 def test_what_is_not_a_recording_is_named(tmp_path, name, content, what):
