@@ -1,12 +1,13 @@
 """What the operator did during a capture counts in later scorings; ``--ignore-actions`` shows the untouched score."""
 
 import json
-import zipfile
 
 import pytest
 
+from host.errors import UsageError
 from host.recording import format as fmt
 from host.recording.writer import RecordingWriter
+from host.submission.source import sources_in
 from host.trial.operator import EXCLUDE, WINDOW_START, WINDOW_STOP, OperatorAction
 from tests.command_line import rotdrift_here
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS, scenario, virtual_chunks, write_recording
@@ -113,17 +114,24 @@ def test_what_cannot_be_left_out(recordings, options, message):
     assert message in done.stdout + done.stderr
 
 
-def test_a_report_leaves_out_the_same_and_can_be_verified(recordings, tmp_path):
-    bundle = tmp_path / "submission.zip"
-    options = ("--exclude", "3", "--because", "the cable pulled")
-    assert rotdrift_here("report", recordings[0], *options, "--out", bundle).returncode == 0
-    with zipfile.ZipFile(bundle) as files:
-        names = files.namelist()
-        (result,) = [json.loads(files.read(name)) for name in names if name.endswith("/result.json")]
-        (choices,) = [json.loads(files.read(name)) for name in names if name.endswith("/choices.json")]
-    assert [(item["step"], item["reason"]) for item in result["excluded_cycles"]] == [(2, "the cable pulled")]
-    assert choices["excluded_cycles"] == [3]
-    assert rotdrift_here("verify", bundle).returncode == 0
+def test_a_report_leaves_out_the_same(recordings, tmp_path, monkeypatch):
+    """The choice goes into the submission, and comes out of it: what ``verify`` makes again leaves out the same."""
+    made = []
+
+    def stop_before_drawing(sources, title):
+        made.extend(sources)
+        raise UsageError("far enough", title)
+
+    monkeypatch.setattr("host.submission.contents.build_submission", stop_before_drawing)
+    options = ("--exclude", "3,2", "--because", "the cable pulled", "--out", tmp_path / "submission.zip")
+    assert "far enough" in rotdrift_here("report", recordings[0], *options).stderr
+    (source,) = made
+    files = {f"trials/a/{name}": content for name, content in source.files().items()}
+    (again,) = sources_in(files).values()
+    left_out = again.choices.options(None).excluded
+    assert [(item.step, item.reason) for item in left_out] == [(1, "the cable pulled"), (2, "the cable pulled")]
+    with pytest.raises(ValueError, match="excluded_cycles"):
+        sources_in(files | {"trials/a/choices.json": b'{"excluded_cycles": [0]}'})
 
 
 def test_a_report_of_several_trials_leaves_nothing_out(recordings, tmp_path):
