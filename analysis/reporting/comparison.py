@@ -10,6 +10,7 @@ import msgspec
 
 from analysis.reporting import style
 from analysis.reporting.tables import ComparedRow, SummaryRow, TrialFigure, pool
+from analysis.scoring.interval import NO_DRIFT
 from analysis.series import AnalysisError
 
 MANY = 10
@@ -106,6 +107,11 @@ def compare(sources: Sequence[ComparedSource], *, mix: bool = False) -> Comparis
             values = msgspec.structs.asdict(row) | ({"hand": f"{row.hand} [{source.name}]"} if several else {})
             rows.append(ComparedRow(**values, unverified=source.unverified))
     rows.sort(key=lambda row: (row.object, row.motion, row.hand))
+    notes += [
+        f"θ̄ of {', '.join(filter(None, (row.hand, row.object, row.motion)))} {NO_DRIFT}: its interval touches 0"
+        for row in rows
+        if row.interval_deg is not None and row.interval_deg[0] <= 0.0
+    ]
     differences = _differences(rows)
     known = sum(difference.larger is not None for difference in differences)
     if known >= MANY:

@@ -63,6 +63,13 @@ def test_only_differences_beyond_their_uncertainty_are_called_larger():
     assert "not known" in difference_text(unknown)
 
 
+def test_an_interval_that_touches_zero_is_put_into_words():
+    found = compare([source("s", trial("A", 1.0, (0.0, 2.3)), trial("B", 2.0, (1.6, 2.4)))])
+    (note,) = found.notes
+    assert "A" in note
+    assert note.endswith("cannot be distinguished from no drift: its interval touches 0")
+
+
 @pytest.mark.parametrize("counts", [(2, 2), (3, 8), (5, 5), (12, 4), (2, 30)])
 def test_a_difference_is_judged_no_bolder_than_by_welch(counts):
     from scipy import stats
