@@ -80,8 +80,9 @@ def group(starting: tuple[StrokePairs, StrokePairs]) -> Grouping:
     if found.pairs > 1:
         return found
     # From either turning point on, the pairs are the same strokes: what is there must show in both.
+    ways = [_ways(each) for each in shapes]
     for k in range(2, MAX_PAIRS + 1):
-        shares, chances = zip(*(_recurrence(each, k) for each in shapes), strict=True)
+        shares, chances = zip(*(_recurrence(each, k) for each in ways), strict=True)
         if max(shares) < _POSSIBLE_SHARE or min(chances) > _POSSIBLE_CHANCE or max(chances) > _NO_CHANCE:
             continue
         if k == 2 and max(shares) >= _FINE_SHARE and min(chances) <= _FINE_CHANCE:
@@ -100,7 +101,7 @@ def durations_recur(pairs: StrokePairs, k: int) -> bool:
     durations = _without_trend(pairs.durations[:_JUDGED])
     if len(durations) <= 2 * k:
         return False
-    return _recurrence(durations, k)[1] <= _NO_CHANCE
+    return _recurrence(_ways(durations), k)[1] <= _NO_CHANCE
 
 
 def kinds(pairs: StrokePairs, k: int) -> IntArray:
@@ -244,14 +245,19 @@ def _orders(n: int, count: int) -> IntArray:
     return np.random.default_rng(0).permuted(np.tile(np.arange(n), (count, 1)), axis=1)
 
 
-def _recurrence(values: FloatArray, k: int) -> tuple[float, float]:
-    """Return the largest share of a way in which pairs differ that recurs every k pairs, and the chance of it."""
-    n = len(values)
-    if n < max(_FINE_PAIRS, 2 * k + 1):
-        return 0.0, 1.0
+def _ways(values: FloatArray) -> FloatArray:
+    """Return (n, up to 3) how much of each way in which pairs differ each pair has: leading principal components."""
+    if len(values) < _FINE_PAIRS:
+        return np.empty((len(values), 0))
     scores, sizes, _ = np.linalg.svd(values, full_matrices=False)
-    scores = scores[:, :_WAYS][:, sizes[:_WAYS] > _ROUNDING]
-    if scores.shape[1] == 0:
+    leading: FloatArray = scores[:, :_WAYS][:, sizes[:_WAYS] > _ROUNDING]
+    return leading
+
+
+def _recurrence(scores: FloatArray, k: int) -> tuple[float, float]:
+    """Return the largest share of a way in which pairs differ that recurs every k pairs, and the chance of it."""
+    n = len(scores)
+    if n <= 2 * k or scores.shape[1] == 0:
         return 0.0, 1.0
     counts = np.array([len(range(kind, n, k)) for kind in range(k)])
 
