@@ -175,7 +175,7 @@ def test_an_output_that_knows_no_greek_is_no_failure(tmp_path):
         (["emulate", "--link", "tcp:0", "--duration", "0"], 2, "duration"),
         (["emulate", "--link", "tcp:0", "--seed", "-1"], 2, "-1 is not a valid seed: give --seed from 0"),
         (["demo", "--cycles", "1"], 2, "1 is not a valid number of cycles"),
-        (["demo", "--scenario", "nonsense"], 2, "two-hump, unplugged, or give the path"),
+        (["demo", "--scenario", "nonsense"], 2, "uneven-tempo, unplugged, or give the path"),
     ],
 )
 def test_bad_input_gets_one_sentence_and_the_code(run, tmp_path, arguments, code, told):
