@@ -11,8 +11,8 @@ from analysis.series import AnalysisError, OrientationSeries, SeriesError
 from firmware_protocol.packets import Info
 from host.errors import FileError, UsageError, unreadable
 from host.links.can.log_kind import can_log_kind
+from host.recording.elsewhere.raw_bytes import is_raw_wire, load_raw_wire
 from host.recording.load import RecordedTrial, load_trial
-from host.recording.raw_bytes import is_raw_wire, load_raw_wire
 from host.recording.reader import is_our_recording
 from host.results.result import ScoreOptions, score_plain, score_trial
 
@@ -87,7 +87,7 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
             if is_mcap(source.head) and is_our_recording(path):
                 trial = load_trial(path)
             elif can_log_kind(source.head) is not None:
-                from host.recording.can_logs import load_can_log  # loads python-can
+                from host.recording.elsewhere.can_logs import load_can_log  # loads python-can
 
                 trial = load_can_log(path, reading.node, source.rewound(), reading.choice)
             elif not is_mcap(source.head) and is_raw_wire(source.head):  # a damaged recording holds such bytes too

@@ -26,7 +26,7 @@ from firmware_protocol.serial.framing import MAX_PIECE_BYTES
 from host.cards.definitions import load_cards
 from host.errors import FileError, HostError
 from host.losses.ledger import LossReport
-from host.recording.can_logs import load_can_log
+from host.recording.elsewhere.can_logs import load_can_log
 from host.recording.load import load_trial
 from host.recording.reader import RecordingReader
 from host.recording.recovery import recover

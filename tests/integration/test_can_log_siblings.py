@@ -14,7 +14,7 @@ from analysis.formats import SeveralStreamsError, StreamChoice
 from firmware_protocol.can.frames import CanFrame
 from host.errors import FileError
 from host.links.can.log_kind import can_log_kind
-from host.recording.can_logs import load_can_log
+from host.recording.elsewhere.can_logs import load_can_log
 from tests.can_traffic import object_at, timed
 from tests.emulated_packets import trial_packets
 

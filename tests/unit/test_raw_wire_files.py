@@ -10,8 +10,8 @@ from firmware_protocol.packets import Event, EventKind
 from firmware_protocol.serial.framing import encode_frame
 from host.errors import FileError
 from host.links.transport import Chunk
+from host.recording.elsewhere.raw_bytes import NO_TIMES, is_raw_wire
 from host.recording.load import assemble
-from host.recording.raw_bytes import NO_TIMES, is_raw_wire
 from host.results.any_file import read_recording
 from tests.command_line import rotdrift_here
 

@@ -1,0 +1,1 @@
+"""Trials that other programs logged: CAN logs, and the bare bytes of a serial link."""
