@@ -10,7 +10,7 @@ EDITABLE := PYTHONWARNINGS=ignore $(PIP) --no-deps --editable . # setuptools war
 # The tests start Python some hundred times; without byte code each start compiles everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test lint format recordings bench bench-quick docs fuzz lock audit dist clean
+.PHONY: demo test lint format recordings bench bench-quick docs fuzz mutation lock audit dist clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -71,13 +71,22 @@ docs: $(VENV)/.dev $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
 # Hostile input: mutated seeds for every target, then atheris (Linux) from the same seeds. RUNS=1000000 make fuzz
+# Then odd packets, frames, records and files with right checksums, all the way to the result. INPUTS=100000 make fuzz
 RUNS ?= 20000
+INPUTS ?= 1000
 fuzz: $(VENV)/.dev
 	-@$(LOCKED) -r requirements/fuzz.txt
 	$(BIN)/python -m tests.fuzz --runs $(RUNS)
 	for target in stream can recording cards scenario series bag; do \
 	  $(BIN)/python -m tests.fuzz $$target --atheris --runs $(RUNS) || exit 1; done
 	$(BIN)/python -m tests.c_library.fuzz --runs $(RUNS)
+	$(BIN)/python -m tests.fuzz.result --inputs $(INPUTS)
+
+# The program changed in one place at a time: a test must notice, or tests/mutation/explained.toml have a reason.
+MINUTES ?= 60
+mutation: $(VENV)/.dev
+	@$(LOCKED) -r requirements/mutation.txt
+	$(BIN)/python -m tests.mutation --minutes $(MINUTES)
 
 # Versions and hashes of all that is installed. New versions: make lock UPGRADE=1
 lock: $(VENV)/.release

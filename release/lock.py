@@ -18,7 +18,7 @@ CONSTRAINTS = ROOT / "constraints.txt"
 FOLDER = ROOT / "requirements"
 HEADING = "# Every version a set-up uses, so that today's and next year's agree. Renew by: see CONTRIBUTING.md.\n"
 MADE = "# Made by `make lock` from pyproject.toml and constraints.txt.\n"
-SETS = ("dev", "docs", "bench", "c", "fuzz", "release")
+SETS = ("dev", "docs", "bench", "c", "fuzz", "mutation", "release")
 """Extras that are set up on their own; ``run`` has what the program needs, ``build`` what builds it."""
 FIRST_PYTHON = "3.11"
 DOCS_PYTHON = "3.11.5"
