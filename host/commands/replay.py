@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from host.capture.snapshot import difference_fact, finished_state
     from host.errors import FileError
     from host.output.lines import write_json
-    from host.recording.load import load_trial
+    from host.recording.load import load_trial, node_of
     from host.recording.replay_link import ReplayTransport
     from host.results.printout import print_score
     from host.results.result import ScoreOptions, score_trial
@@ -51,9 +51,10 @@ def run(args: argparse.Namespace) -> int:
         screen = guarded(open_screen(args.json, choice=ScreenChoice(args.ascii, args.theme, plain_lines=args.plain)))
         then = recorded_actions(args.file), recorded_commands(args.file)
         trial = None
+        node = node_of(transport.recording.header)
         screen.start()
         try:
-            live = play(transport, Trial(), screen, stop, args.speed, *then, title="rotdrift replay")
+            live = play(transport, Trial(node), screen, stop, args.speed, *then, title="rotdrift replay")
             trial = load_trial(args.file)
             score = score_trial(trial, ScoreOptions(clock=args.json))
             if live is not None:

@@ -135,7 +135,7 @@ def load_trial(path: Path, continuation: bytes = b"") -> RecordedTrial:
     reader = RecordingReader(path, continuation)
     actions: list[OperatorAction] = []
     trips = RecordedRoundTrips()
-    trial = assemble(_delivered(reader, actions, trips), path.name, _node(reader.header), trips, reader.share_read)
+    trial = assemble(_delivered(reader, actions, trips), path.name, node_of(reader.header), trips, reader.share_read)
     return replace(trial, actions=tuple(actions), damage=tuple(reader.damage), header=reader.header)
 
 
@@ -157,8 +157,8 @@ def _delivered(
             reader.note_damaged(item.topic, error)
 
 
-def _node(header: RecordingHeader) -> int | None:
-    """Read the node id from the link's URI, so that the same object is scored that was captured."""
+def node_of(header: RecordingHeader) -> int | None:
+    """Return the node id in the link's URI: the same object is scored and replayed that was captured."""
     try:
         text = parse_link_uri(header.link).options.get("node", "")
     except UsageError:

@@ -30,6 +30,7 @@ from host.recording import format as fmt
 from host.recording.bulk.span_checksums import span_checksums
 from host.recording.cdr import CDR_LITTLE_ENDIAN, RosMessageType
 from host.recording.completeness import FARTHEST, stated_counts
+from host.recording.load import node_of
 from host.recording.reader import RecordingHeader, parse_header, parse_missing
 from host.recording.views import add_views
 from host.recording.writer import RecordingWriter
@@ -121,7 +122,7 @@ class _Copier:
     def __init__(self, writer: RecordingWriter, head: RecordingHeader) -> None:
         self._writer = writer
         self._wall_minus_monotonic_ns = head.wall_time_ns - head.monotonic_ns
-        self._trial = Trial()
+        self._trial = Trial(node_of(head))
         self._counts: Counter[str] = Counter()
         self._next: dict[str, int] = {}
         self._missing: Counter[str] = Counter()

@@ -13,7 +13,7 @@ from analysis.series import AnalysisError
 from firmware_protocol.can.counters import CanCounters
 from host.capture.playback import recorded_actions, recorded_commands
 from host.errors import HostError
-from host.recording.load import RecordedTrial, load_trial
+from host.recording.load import RecordedTrial, load_trial, node_of
 from host.recording.reader import RecordingReader
 from host.recording.recovery import recover
 from host.results.result import ScoreOptions
@@ -66,7 +66,7 @@ def _followed(path: Path, closed: bool) -> tuple[RecordedTrial | None, str]:
     if not isinstance(trial.counters, CanCounters):
         n_bytes = sum(len(chunk.data) for chunk in chunks)
         demand(n_bytes == trial.counters.bytes, "as many bytes chunk by chunk", (n_bytes, trial.counters.bytes))
-    live = play_live(chunks, recorded_commands(path), actions=recorded_actions(path))
+    live = play_live(chunks, recorded_commands(path), node_of(reader.header), recorded_actions(path))
     demand(live == trial.losses, "replayed and offline ledger", differences(live, trial.losses))
     return trial, outcome(result)
 
