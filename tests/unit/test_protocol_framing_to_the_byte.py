@@ -128,6 +128,15 @@ def test_a_lone_frame_is_counted_with_its_delimiters(in_front, behind):
     assert counted(decoder, "frames", "frame_bytes", "delimiters") == (2, 2 * len(piece), in_front + behind + 2)
 
 
+def test_of_a_lone_frame_only_delimiters_are_taken_off():
+    """A text editor's idea of an end, any letter, may be the last byte of a checksum."""
+    ends = {encode_frame(bytes([a, b]))[-2] for a in range(1, 256) for b in range(1, 256)}
+    assert len(ends) == 255  # all but the delimiter
+    for a in range(1, 256):
+        packet = bytes([a, 7])
+        assert FrameDecoder().open_lone(encode_frame(packet)) == packet
+
+
 @pytest.mark.parametrize("pieces", [b"", b"\0", SHORT + OTHER, b"\0\7\7\0", b"\0" + b"\1" * 300 + b"\0"])
 def test_anything_but_a_lone_frame_is_left_alone(pieces):
     decoder = FrameDecoder()

@@ -11,8 +11,8 @@ from host.recording.reader import RecordingReader
 from host.recording.recovery import recover
 from host.recording.writer import RecordingWriter
 from tests.command_line import rotdrift_here
-from tests.fuzz.result.frames import can_chunks, heard
 from tests.fuzz.result.frames import Heard as On
+from tests.fuzz.result.frames import can_chunks, heard
 from tests.fuzz.result.sessions import sessions
 from tests.recorded_trials import MONOTONIC_NS, WALL_NS
 
