@@ -53,6 +53,14 @@ def test_counts_before_the_first_sample_must_follow_those_before(produced, dropp
     assert counts.start == (produced if verdict is Verdict.BELIEVED else 100)
 
 
+def test_what_was_dropped_is_counted_from_the_status_before():
+    counts = FirstCounts()
+    counts.judge(status(100, 10**6, 5), 0)
+    assert counts.judge(status(102, 2 * 10**6, 7), 50) is Verdict.BELIEVED
+    assert counts.judge(status(102, 3 * 10**6, 8), 50) is Verdict.REFUSED
+    assert counts.judge(status(102, 5, 9), 0) is Verdict.REFUSED  # the clock fell and the count did not
+
+
 @pytest.mark.parametrize(("uptime_us", "produced"), [(10**6, 99), (999_999, 101), (10**6, 500)])
 def test_only_a_fall_of_clock_and_count_is_a_reset(uptime_us, produced):
     counts = FirstCounts()
@@ -169,6 +177,26 @@ def test_the_number_of_the_next_sample_is_known_until_one_came():
     assert ledger.expected_start() is None
 
 
+def test_a_start_that_is_forgotten_is_counted_as_refused():
+    ledger = LossLedger()
+    for n in (1, 2, 3):
+        ledger.status(status(100))
+        ledger.forget_start()
+        assert ledger.refused == n
+        assert ledger.expected_start() is None
+    ledger.feed(np.array([7]))
+    assert ledger.report().produced == 1
+
+
+def test_the_account_after_a_reset_has_runs_of_its_own():
+    ledger = LossLedger(max_runs=2)
+    ledger.feed(np.array([0, 2]))
+    ledger.new_segment(10)
+    ledger.feed(np.array([0, 3, 5, 7]))
+    assert [(run.first, run.missing) for run in ledger.missing_runs(100)] == [(11, 1), (104, 1), (106, 1)]
+    assert (ledger.report().missing, ledger.report().segments) == (5, 2)
+
+
 def test_damage_between_two_accounts_is_that_of_the_first():
     ledger = LossLedger()
     ledger.feed(np.array([0]))
@@ -207,6 +235,7 @@ def test_losses_up_to_the_limits_are_no_reason_and_beyond_them_one_each():
         f"{share} % of the samples are missing ({at - 2} lost on the link, 2 damaged, 1 dropped by the object): "
         "the score is degraded"
     )
+    assert judge_losses(losses(900), ()).reasons[0].startswith("90.0 % of the samples are missing (897 lost")
     edge = round(1000 * CYCLE_LOSS_LIMIT)
     assert judge_losses(losses(0), cycles(edge, edge + 1, 0)).cycles_with_gaps == (2,)
 
