@@ -11,7 +11,7 @@ from host.errors import FileError, UsageError, unreadable
 from host.links.can.log_kind import can_log_kind
 from host.recording.check.account import CheckReport
 from host.recording.check.mcap_file import check_mcap
-from host.recording.raw_bytes import is_raw_wire
+from host.recording.elsewhere.raw_bytes import is_raw_wire
 from host.submission.archive import BundleError
 from host.submission.bundle import MANIFEST, check_manifest, read_bundle, read_folder
 from host.text import plain
