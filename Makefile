@@ -77,7 +77,7 @@ INPUTS ?= 1000
 fuzz: $(VENV)/.dev
 	-@$(LOCKED) -r requirements/fuzz.txt
 	$(BIN)/python -m tests.fuzz --runs $(RUNS)
-	for target in stream can recording cards scenario series bag; do \
+	for target in stream can recording cards scenario series bag parquet can_log; do \
 	  $(BIN)/python -m tests.fuzz $$target --atheris --runs $(RUNS) || exit 1; done
 	$(BIN)/python -m tests.c_library.fuzz --runs $(RUNS)
 	$(BIN)/python -m tests.fuzz.result --inputs $(INPUTS)

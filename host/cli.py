@@ -15,7 +15,7 @@ from types import ModuleType
 
 from host.command_line.parser import Parser
 from host.commands import COMMANDS
-from host.errors import HostError, unreadable
+from host.errors import HostError, no_memory, unreadable
 from host.output.lines import write_note, write_text, write_traceback
 from host.output.streams import discard_output, flush_output, install, installed, output_at_terminal
 from host.text import plain
@@ -85,6 +85,8 @@ def _run(words: list[str]) -> int:
         return _report(error, str(error), error.exit_code, debug)
     except KeyboardInterrupt as error:
         return _report(error, "interrupted", INTERRUPTED, debug)
+    except MemoryError as error:
+        return _report(error, str(no_memory("this")), no_memory("this").exit_code, debug)
     except BrokenPipeError:
         # The reader of our output has gone (`| head`). Without this, Python reports it once more at shutdown.
         discard_output()

@@ -112,6 +112,11 @@ def unreadable(path: object, error: OSError) -> FileError:
     return FileError(f"{path} cannot be read ({reason_of(error)})", remedy)
 
 
+def no_memory(path: object) -> FileError:
+    """Return the error for a file that needs more memory than this process can have."""
+    return FileError(f"{path} needs more memory than there is", "cut it into trials, or close other programs")
+
+
 def unwritable(path: object, error: OSError) -> FileError:
     """Return the error for a file that the system does not let us write."""
     remedy = "free some space, or give another place" if error.errno in _FULL else "give another place"

@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.bounds import MAX_GRID_POINTS
 from analysis.cycles.endpoints import Extremes, measure, split_runs, with_flags
 from analysis.cycles.gates import gate_ends, leave_out_grasp
 from analysis.cycles.motion import Motion, angular_velocity
@@ -81,8 +82,12 @@ def find_cycles(
 def _mostly_empty(samples: Samples, settings: CycleSettings) -> str:
     """Return why an even grid would hold hardly anything, and fill the memory: a wrong unit of time, or a clock set."""
     n = len(samples.times_s)
-    if n < 2 or (samples.times_s[-1] - samples.times_s[0]) * settings.rate_hz <= _MAX_GRID_PER_SAMPLE * n + _SMALL_GRID:
+    points = (samples.times_s[-1] - samples.times_s[0]) * settings.rate_hz if n else 0.0
+    if n < 2 or points <= min(_MAX_GRID_PER_SAMPLE * n + _SMALL_GRID, MAX_GRID_POINTS):
         return ""
+    if points <= _MAX_GRID_PER_SAMPLE * n:
+        hours = points / settings.rate_hz / 3600.0
+        return f"{hours:.0f} hours are too long for one search: cut the recording into trials, or choose end points"
     gaps_s = np.diff(samples.times_s)
     if samples.usual_step_s > 0.5:
         return f"samples are {samples.usual_step_s:.3g} s apart, too far for any cycle: is the unit of time right?"

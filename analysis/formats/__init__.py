@@ -11,14 +11,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from analysis.formats.apart import read_bag_apart, read_parquet_apart
 from analysis.formats.columns import ColumnSpec, guess_names, hint, parse_columns
 from analysis.formats.conventions import convention_warnings
 from analysis.formats.kit_csv import is_ndx, is_t42, read_ndx, read_t42, write_kit_csv
 from analysis.formats.matlab import write_matlab
 from analysis.formats.named_csv import read_named, write_csv, write_endpoints_csv
 from analysis.formats.parquet import MAGIC as PARQUET_MAGIC
-from analysis.formats.parquet import read_parquet, write_parquet
-from analysis.formats.ros_bag import is_bag, is_mcap, read_ros_bag, write_ros_bag
+from analysis.formats.parquet import write_parquet
+from analysis.formats.ros_bag import is_bag, is_mcap, write_ros_bag
 from analysis.formats.rows.streams import SeveralStreamsError, StreamChoice
 from analysis.formats.source import SourceFile, plain
 from analysis.formats.text_table import TextTable
@@ -113,11 +114,11 @@ def read_series(
 
 def _raw_samples(source: SourceFile, spec: ColumnSpec | None, topic: str | None, choice: StreamChoice) -> RawSamples:
     if is_bag(source):
-        return read_ros_bag(source, topic, choice)
+        return read_bag_apart(source, topic, choice)
     if source.path.is_dir():
         raise ReaderError(f"{source.name} is a folder without metadata.yaml, so no ROS 2 bag: give a file in it")
     if source.head.startswith(PARQUET_MAGIC):
-        return read_parquet(source, spec, choice)
+        return read_parquet_apart(source, spec, choice)
     packed = next((name for magic, name in _PACKED.items() if source.head.startswith(magic)), None)
     if packed is not None:
         raise ReaderError(f"{source.name} is packed ({packed}): unpack it and give the file in it")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.bounds import MAX_SAMPLES, too_many
 from analysis.formats.columns import (
     QUATERNION,
     TIME_UNITS,
@@ -55,20 +56,22 @@ def read_parquet(source: SourceFile, spec: ColumnSpec | None, choice: StreamChoi
             there = ", ".join(plain(name) for name in header[:20])
             raise ReaderError(f"name the columns with {hint(header)}; the file has {there}")
         wanted = [header[number] for number in column_numbers(spec, header, len(header))]
-        table = file.read(columns=list(dict.fromkeys(wanted)))
-        columns = []
-        for key, name in zip(spec.names, wanted, strict=True):
-            column = table.column(name)
+        if file.metadata.num_rows > MAX_SAMPLES:
+            raise ReaderError(too_many(source.name))
+        values = np.empty((file.metadata.num_rows, len(wanted)))
+        for place, (key, name) in enumerate(zip(spec.names, wanted, strict=True)):
+            column = file.read(columns=[name], use_threads=False).column(name)  # all together would be held twice
+            if len(column) != len(values):
+                raise arrow.ArrowInvalid("columns of different lengths")
             if key == "t" and arrow.types.is_temporal(column.type):
-                columns.append(_seconds(column, arrow) / TIME_UNITS[spec.time])
+                values[:, place] = _seconds(column, arrow) / TIME_UNITS[spec.time]
             else:
-                columns.append(column.to_numpy().astype(np.float64))
+                values[:, place] = column.to_numpy()
         labels = _labels(file, header, wanted)
     except arrow.ArrowInvalid as error:
         raise ReaderError(f"{source.name} is not a sound parquet file: {plain(str(error), 120)}") from error
     except (TypeError, ValueError) as error:
         raise ReaderError(f"column {plain(name)} of {source.name} does not hold numbers") from error
-    values = np.stack(columns, axis=1)
     if len(values) == 0:
         raise ReaderError(f"{source.name} has no data rows: record again, or give another file")
     return replace(samples_of(values, spec), labels=labels)

@@ -8,6 +8,7 @@ Written: a folder with MCAP storage, ``PoseStamped`` where positions are known, 
 
 from __future__ import annotations
 
+import errno
 import struct
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,8 @@ SQLITE_MAGIC = b"SQLite format 3"
 TOPIC = "/object/orientation"
 FRAME = "world"
 """Topic and frame of what is written."""
+MAX_SECONDS = 2**31
+"""Where a ROS time ends, s: in 2038."""
 
 _LIBRARIES = {"rosbags", "lz4", "backports", "ruamel", "apsw", "bz2", "mcap", "zlib", "zstandard"}
 _DAMAGE = (
@@ -45,7 +48,6 @@ _DAMAGE = (
     AttributeError,
     TypeError,
     SyntaxError,  # rosbags makes classes of the types in a bag: their names are letters, digits and _ by its grammar
-    MemoryError,
     RecursionError,
     struct.error,
 )
@@ -85,7 +87,10 @@ def read_ros_bag(source: SourceFile, topic: str | None, choice: StreamChoice) ->
     except ReaderError:
         raise
     except Exception as error:
-        # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through.
+        if getattr(error, "errno", None) == errno.EFBIG:
+            raise  # it unpacks to more than the process that reads may write
+        # Damaged bags raise a dozen kinds of errors out of rosbags and the libraries below it; our own are let through,
+        # and want of memory, the limit of the process that reads.
         from_library = type(error).__module__.split(".")[0] in _LIBRARIES
         if from_library or isinstance(error, _DAMAGE):
             what = f" ({plain(str(error), 160)})" if from_library else ""  # Python's own text explains nothing
@@ -148,6 +153,8 @@ def write_ros_bag(series: OrientationSeries, _result: dict[str, Any] | None, pat
         )
     if len(series) and series.times_s[0] < 0:
         raise WriterError("a ROS time cannot be negative")
+    if len(series) and series.times_s[-1] >= MAX_SECONDS:
+        raise WriterError(f"a ROS time ends at {MAX_SECONDS} s, the recording at {series.times_s[-1]:.4g} s")
     store = get_typestore(Stores.ROS2_HUMBLE)
     types: Any = store.types
     with_positions = series.positions_m is not None

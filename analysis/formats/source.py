@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,8 +22,8 @@ def plain(text: str, limit: int = 40) -> str:
 class SourceFile:
     """An open file of a recording, or the folder of a ROS 2 bag; a context manager.
 
-    The file is opened once and read from its start as often as needed. Libraries that take paths only (rosbags), and
-    readers in a process of their own (BLF), open it again by :attr:`path`.
+    The file is opened once and read from its start as often as needed. Readers in a process of their own
+    (:mod:`analysis.formats.apart`) open it again by :attr:`path`.
 
     Parameters
     ----------
@@ -52,6 +53,13 @@ class SourceFile:
 
     def __exit__(self, *_: object) -> None:
         self.file.close()
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the file, or of all files in the folder together."""
+        if self.path.is_dir():
+            return sum(place.stat().st_size for place in self.path.iterdir() if place.is_file())
+        return os.fstat(self.file.fileno()).st_size
 
     def rewound(self) -> BinaryIO:
         """Return the open file, at its start."""

@@ -21,6 +21,7 @@ from typing import TextIO
 
 import numpy as np
 
+from analysis.bounds import MAX_SAMPLES, too_many
 from analysis.formats.rows.cells import (
     DECIMAL_POINTS,
     CellKind,
@@ -182,8 +183,8 @@ def read_table(source: SourceFile, layout: Layout, holes: bool = True) -> TableR
     Raises
     ------
     ReaderError
-        Too large, a line too long, a cell that is not a finite number, or a hole where ``holes`` is not set, or a row
-        wider or narrower than the header (each names the line); or no rows.
+        Too large, too many lines, a line too long, a cell that is not a finite number, or a hole where ``holes`` is not
+        set, or a row wider or narrower than the header (each names the line); or no rows.
     """
     if os.fstat(source.file.fileno()).st_size > MAX_FILE_BYTES:
         raise ReaderError(f"{source.name} is larger than {MAX_FILE_BYTES // 2**30} GiB; cut it into trials first")
@@ -254,7 +255,7 @@ class _DataRows:
 
     def _blocks(self, file: TextIO) -> Iterator[list[str]]:
         """Yield the lines, many at a time: numpy takes whole blocks of them as fast as a file of its own."""
-        rest = ""
+        rest, read = "", 0
         while block := file.read(_BLOCK_CHARACTERS):
             # Each line stands behind its line end here, so that one search finds blank ones, the first as well.
             whole, _, rest = f"\n{rest}{block}".rpartition("\n")
@@ -263,6 +264,9 @@ class _DataRows:
                 raise ReaderError(
                     f"{self._source.name} has a line longer than {MAX_LINE_BYTES} bytes; it is not a table of numbers"
                 )
+            read += len(lines)
+            if read > MAX_SAMPLES + _HEAD_LINES:
+                raise ReaderError(too_many(self._source.name, "lines"))
             yield self._rows_of(lines)
         if _is_data(rest):
             self.cut = not self._skip and len(rest.split(self._layout.delimiter)) < self._width

@@ -32,6 +32,8 @@ from analysis.series import (
     SetAside,
 )
 
+MAX_TIME_S = 1e15
+"""Beyond any date since 1970, even in milliseconds: nanoseconds that are taken for seconds, or a counter."""
 MAX_SET_ASIDE = 0.5
 """If more than this share of the rows has an impossible time, the time column is not one."""
 
@@ -128,6 +130,8 @@ def to_series(
         raw = raw.part(whole)
         if not len(raw.quats_wxyz):
             raise ReaderError("no row holds both a time and an orientation: are the columns the right ones?")
+    assert raw.times_s is not None
+    _check_times(raw.times_s, np.arange(len(raw.times_s)) if raw.index is None else raw.index)
     raw = _one_session(raw, choice, notes)
     times_s, n = raw.times_s, len(raw.quats_wxyz)
     assert times_s is not None
@@ -254,6 +258,17 @@ def _check_alternation(quats_wxyz: FloatArray) -> None:
         raise ReaderError(
             f"the rows alternate between two orientations {apart:.3g}° apart: two sensors or two publishers in one "
             "stream, which nothing tells apart; record them apart, or add a column with the sensor's number"
+        )
+
+
+def _check_times(times_s: FloatArray, rows: IntArray) -> None:
+    """Refuse times that no clock has: what is worked out of them would overflow, or fill the memory."""
+    bad = ~(np.abs(times_s) <= MAX_TIME_S)
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise ReaderError(
+            f"row {rows[first]}: a time of {times_s[first]:.4g} s ({int(bad.sum())} such rows); is the time column the "
+            "right one, and in the right unit?"
         )
 
 

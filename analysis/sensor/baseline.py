@@ -26,6 +26,8 @@ MAX_RATE_DEG_PER_MIN = 30.0
 """Faster than this it is the object that turns, not the sensor's heading."""
 MAX_GAP_SHARE = 0.5
 """A gap of more than this share of the time makes no baseline."""
+MAX_DAYS = 10
+"""The Allan figure is made of every second of a rest."""
 MIN_ALLAN_S = 60.0
 """A shorter rest makes no Allan figure."""
 _MOVE_DEG = 0.1  # a step of this size between one-second means, ten times the usual, is a touch ...
@@ -124,6 +126,10 @@ def measure_baseline(series: OrientationSeries, temperatures_c: Sequence[float] 
     if widest_s > MAX_GAP_SHARE * series.duration_s:
         raise BaselineError(
             f"nothing is known of {widest_s:.3g} of {series.duration_s:.3g} s: was the clock set there?"
+        )
+    if series.duration_s > MAX_DAYS * 86400.0:
+        raise BaselineError(
+            f"a baseline has at most {MAX_DAYS} days, not {series.duration_s / 86400.0:.3g}: is the unit of time right?"
         )
     _refuse_motion(series)
     creep = measure_creep(series.times_s, series.quats_wxyz)

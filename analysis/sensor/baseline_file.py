@@ -47,10 +47,12 @@ def load_baseline(path: Path) -> StaticBaseline:
         The file cannot be opened.
     """
     name = plain(path.name, 80)
-    if path.stat().st_size > _MAX_FILE_BYTES:
+    with path.open("rb") as file:
+        data = file.read(_MAX_FILE_BYTES + 1)
+    if len(data) > _MAX_FILE_BYTES:
         raise BaselineError(f"{name} is too large for a baseline file")
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        values = tomllib.loads(data.decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise BaselineError(f"{name} is not a baseline file: {plain(str(error), 120)}") from error
     if values.get("format") != FILE_FORMAT:

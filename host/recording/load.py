@@ -25,6 +25,9 @@ from host.recording.reader import RecordedMessage, RecordingHeader, RecordingRea
 from host.stream.blocks import SegmentStart
 from host.trial.operator import OperatorAction, action_of
 
+MAX_NOTES = 20
+"""Of one kind: a clock that jumps all the time is not listed jump by jump."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedTrial:
@@ -102,8 +105,10 @@ def assemble(
     assembler, arrivals, round_trips = assembly.assembler, assembly.arrivals, trips.round_trips()
     notes = [
         f"{segment.reason} at {segment.time_s:.1f} s: later samples are placed by the host's clock"
-        for segment in assembler.segments[1:]
+        for segment in assembler.segments[1 : MAX_NOTES + 1]
     ]
+    if len(assembler.segments) > MAX_NOTES + 1:
+        notes.append(f"{len(assembler.segments) - MAX_NOTES - 1} more such places")
     return RecordedTrial(
         series=assembly.samples.series(source, notes),
         losses=assembler.losses(),

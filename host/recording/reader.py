@@ -12,6 +12,7 @@ import json
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,9 +28,10 @@ from mcap.writer import MCAP0_MAGIC
 from host.errors import FileError, unreadable
 from host.links.transport import AnyChunk, GapChunk
 from host.recording import format as fmt
+from host.recording.bulk.compressed_chunks import CompressedChunks, chunk_records
 from host.recording.bulk.raw_span import RawSpan, raw_spans
 from host.recording.bulk.record_runs import EvenRun, MessageRun, by_channel, on_channels
-from host.recording.bulk.walk import FRAME, MESSAGE, READ_BLOCK_BYTES, RecordWalk, chunk_records
+from host.recording.bulk.walk import FRAME, MESSAGE, READ_BLOCK_BYTES, RecordWalk
 from host.recording.completeness import Completeness
 
 IntArray = npt.NDArray[np.int64]
@@ -215,8 +217,8 @@ class RecordingReader:
         if self._headless:
             self.damage.append("the recording's own description is damaged: link, date and settings are not known")
         found = Completeness()
-        with self._open() as file:
-            for kind, body, run in self._records(file, found.checksums.add_bytes):
+        with self._open() as file, closing(CompressedChunks(self.path)) as compressed:
+            for kind, body, run in self._records(file, compressed, found.checksums.add_bytes):
                 if run is not None:
                     found.add_undescribed(run.not_on(self._channels))
                     channels = [channel for channel, name in self._channels.items() if name in topics]
@@ -258,6 +260,7 @@ class RecordingReader:
     def _records(
         self,
         file: io.FileIO,
+        compressed: CompressedChunks,
         on_bytes: Callable[[memoryview | bytes], object] = lambda _: None,
         block_bytes: int = READ_BLOCK_BYTES,
     ) -> Iterator[tuple[int, memoryview, MessageRun | EvenRun | None]]:
@@ -267,13 +270,14 @@ class RecordingReader:
         )
         for record in walk.records(block_bytes):
             if record.kind == Opcode.CHUNK:
-                yield from ((kind, body, None) for kind, body in chunk_records(record.body, self.damage.append))
+                inside = chunk_records(record.body, self.damage.append, compressed)
+                yield from ((kind, body, None) for kind, body in inside)
             else:
                 yield record.kind, record.body, record.run
 
     def _read_header(self) -> RecordingHeader:
-        with self._open() as file:
-            for kind, body, _ in self._records(file, block_bytes=HEADER_BLOCK_BYTES):
+        with self._open() as file, closing(CompressedChunks(self.path)) as compressed:
+            for kind, body, _ in self._records(file, compressed, block_bytes=HEADER_BLOCK_BYTES):
                 self._note_channel(kind, body)
                 header = parse_header(bytes(body)) if kind == Opcode.METADATA else None
                 if header is not None:

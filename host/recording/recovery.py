@@ -234,6 +234,8 @@ def salvage(path: Path) -> tuple[RecordingHeader | None, Iterator[SalvagedMessag
         The file cannot be read, or is too long.
     """
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):  # a device may never end
+            raise FileError(f"{path} is not a file", "give a file that `rotdrift capture` wrote")
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
             raise FileError(f"{path} is too long to be searched ({size / 2**30:.0f} GiB)", "cut it with an MCAP tool")

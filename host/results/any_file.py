@@ -9,7 +9,7 @@ from analysis.formats import SeveralStreamsError, SourceFile, StreamChoice, is_m
 from analysis.scoring.result import Result
 from analysis.series import AnalysisError, OrientationSeries, SeriesError
 from firmware_protocol.packets import Info
-from host.errors import FileError, UsageError, unreadable
+from host.errors import FileError, UsageError, no_memory, unreadable
 from host.links.can.log_kind import can_log_kind
 from host.recording.elsewhere.raw_bytes import is_raw_wire, load_raw_wire
 from host.recording.load import RecordedTrial, load_trial
@@ -105,6 +105,8 @@ def read_recording(path: Path, reading: ReadOptions | None = None) -> tuple[Orie
         raise unreadable(path, error) from error
     except SeveralStreamsError as error:
         raise SeveralInFileError(f"{path.name} holds {error}", error.kind, error.names) from error
+    except MemoryError as error:
+        raise no_memory(path) from error
     except AnalysisError as error:
         raise FileError(str(error)) from error
     return trial.series, trial
@@ -134,6 +136,8 @@ def score_recording(
         raise UsageError(
             f"{path.name}: {error}{damaged}", "choose end points or a window inside the recording"
         ) from error
+    except MemoryError as error:
+        raise no_memory(path) from error
     except AnalysisError as error:
         raise FileError(f"{path.name}: {error}{'' if trial is None else trial.why_unscored}") from error
     return (

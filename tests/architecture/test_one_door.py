@@ -24,7 +24,6 @@ CALLS = {
 RICH = {"rich.console.Console", "rich.print", "rich.progress.track", "rich.prompt", "rich.logging"}
 NOT_A_TERMINAL = {
     "host/screen/process.py": {"sys.stdout"},  # a pipe to the capture, which has started this process
-    "host/links/can/blf_process.py": {"sys.stdout", "sys.stderr"},  # pipes to the reader of CAN logs
     "firmware_protocol/can/dbc.py": {"sys.stdout"},  # a file made from our own constants: nothing foreign is in it
     "rotdrift.py": {"print", "sys.stderr"},  # our packages are hidden: it cleans the text itself
 }

@@ -22,9 +22,14 @@ _TOKENS = [
 ]
 
 
+_OF_OTHERS = {"commands": ("bag", "cards", "recording", "scenario", "series")}
+"""Targets that take what others take."""
+
+
 def seeds_of(target: str) -> list[bytes]:
     """Return the committed seeds of a target, in order of name."""
-    return [path.read_bytes() for path in sorted((SEEDS / target).iterdir())]
+    folders = _OF_OTHERS.get(target, (target,))
+    return [path.read_bytes() for folder in folders for path in sorted((SEEDS / folder).iterdir())]
 
 
 def mutated(target: str, n: int, seed: int) -> Iterator[bytes]:

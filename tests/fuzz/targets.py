@@ -9,11 +9,17 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from analysis.formats import read_series
+from analysis.confined.values import from_pieces, to_pieces
+from analysis.formats import SourceFile, read_series
+from analysis.formats.parquet import read_parquet
+from analysis.formats.ros_bag import read_ros_bag
+from analysis.formats.rows.streams import StreamChoice
+from analysis.formats.time_stamps import RawSamples, to_series
 from analysis.scoring.choice import load_endpoints
 from analysis.series import AnalysisError
 from emulator import ScenarioError
@@ -25,13 +31,16 @@ from firmware_protocol.serial.decoder import StreamDecoder
 from firmware_protocol.serial.framing import MAX_PIECE_BYTES
 from host.cards.definitions import load_cards
 from host.errors import FileError, HostError
+from host.links.can.log_kind import HEAD_BYTES, can_log_kind
+from host.links.can.logs import frame_batches
+from host.links.transport import FrameChunk
 from host.losses.ledger import LossReport
-from host.recording.elsewhere.can_logs import load_can_log
-from host.recording.load import load_trial
+from host.recording.load import assemble, load_trial
 from host.recording.reader import RecordingReader
 from host.recording.recovery import recover
 from host.stream.samples import SampleAssembler
 from host.trial.operator import edits_of
+from tests.fuzz.commands import commands
 
 _FOLDER = Path(tempfile.mkdtemp(prefix="rotdrift-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
 _MAX_CHUNK = 4096
@@ -141,12 +150,39 @@ def _load_scenario(path: Path) -> object:
     return load_scenario(str(path))
 
 
+def _read_bag_here(path: Path) -> object:
+    """Read what a process of its own reads, without the process: a limit of memory is an answer there."""
+    with SourceFile(path) as source:
+        return to_series(read_ros_bag(source, None, StreamChoice()), source.label)
+
+
+def parquet(data: bytes) -> None:
+    """A parquet file; whatever pyarrow raises ends its process and becomes a sentence (analysis.confined.process)."""
+    path = _FOLDER / f"{os.getpid()}.parquet"
+    path.write_bytes(data)
+    with SourceFile(path) as source, suppress(Exception):
+        pieces = [bytearray(piece) for piece in to_pieces(read_parquet(source, None, StreamChoice()))]
+        assert len(from_pieces(pieces, RawSamples).quats_wxyz)
+
+
+def can_log(data: bytes) -> None:
+    """A text log, in its process and behind it; BLF has none here, as python-can loops for ever on some."""
+    path = _FOLDER / f"{os.getpid()}.log"
+    path.write_bytes(data)
+    kind = can_log_kind(data[:HEAD_BYTES])
+    if kind in {None, "BLF"}:
+        return
+    batches: list[bytes] = []
+    with suppress(Exception):
+        batches.extend(frame_batches(str(path), kind))
+    assemble([FrameChunk(batch[1 + batch[0] :], 1) for batch in batches], "log")
+
+
 cards = _answered(load_cards, ".toml", HostError)
 scenario = _answered(_load_scenario, ".toml", ScenarioError)
 series = _answered(read_series, ".csv", AnalysisError)
-bag = _answered(read_series, ".bag", AnalysisError)
-mcap = _answered(read_series, ".mcap", AnalysisError)
-can_log = _answered(load_can_log, ".log", AnalysisError, HostError)
+bag = _answered(_read_bag_here, ".bag", AnalysisError, MemoryError)
+mcap = _answered(_read_bag_here, ".mcap", AnalysisError, MemoryError)
 endpoints = _answered(load_endpoints, ".csv", AnalysisError)
 
 TARGETS: dict[str, Callable[[bytes], None]] = {
@@ -158,7 +194,9 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     "series": series,
     "bag": bag,
     "mcap": mcap,
+    "parquet": parquet,
     "can_log": can_log,
     "endpoints": endpoints,
+    "commands": commands,
 }
 """Name -> what takes the bytes."""

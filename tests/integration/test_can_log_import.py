@@ -11,7 +11,7 @@ import can
 import numpy as np
 import pytest
 
-import host.links.can.logs as can_log
+from analysis.confined import limits
 from analysis.scoring.trial import score_series
 from firmware_protocol.can.frames import CanFrame, FrameFlag, pack_frames
 from host.errors import FileError
@@ -102,7 +102,7 @@ def test_a_bad_line_costs_itself_and_is_told(kind: str, frames: list[CanFrame], 
 def test_mutated_blf_files_end_in_time_and_in_words(
     frames: list[CanFrame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(can_log, "BLF_LEAST_SECONDS", 5.0)
+    monkeypatch.setattr(limits, "LEAST_S", 5.0)
     sound = write_log(tmp_path / "sound.blf", frames[:800]).read_bytes()
     rng = random.Random(6)
     for number in range(6):
@@ -128,8 +128,8 @@ def test_a_blf_reader_that_never_ends_is_stopped(
     frames: list[CanFrame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = write_log(tmp_path / "sound.blf", frames[:800])
-    monkeypatch.setattr(can_log, "BLF_LEAST_SECONDS", 0.01)
-    monkeypatch.setattr(can_log, "BLF_SECONDS_PER_MB", 0.0)
+    monkeypatch.setattr(limits, "LEAST_S", 0.001)
+    monkeypatch.setattr(limits, "S_PER_MB", 0.0)
     with pytest.raises(FileError, match="did not end within"):
         read_can_log(path)
 

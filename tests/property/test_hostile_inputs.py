@@ -34,19 +34,22 @@ from host.text import plain
 from host.trial.live import Trial
 from host.trial.state import LinkView, RecordingView
 from tests.can_traffic import object_at, sample_packets, timed
+from tests.fuzz.memory import limited_memory
 from tests.fuzz.mutation import mutated, seeds_of
 from tests.fuzz.targets import TARGETS, check_ledger
 from tests.waiting import HANG_S, SLOW_S
 
 RUNS = {"stream": 600, "can": 250, "recording": 150, "cards": 1500, "scenario": 1500, "series": 800, "bag": 300}
+RUNS |= {"mcap": 300, "parquet": 300, "can_log": 300, "endpoints": 800, "commands": 50}
 
 
 @pytest.mark.parametrize("name", sorted(TARGETS))
 def test_inputs_made_from_the_seeds_find_nothing(name):
-    for data in seeds_of(name):
-        TARGETS[name](data)
-    for data in mutated(name, RUNS[name], seed=20):
-        TARGETS[name](data)
+    with limited_memory():
+        for data in seeds_of(name):
+            TARGETS[name](data)
+        for data in mutated(name, RUNS[name], seed=20):
+            TARGETS[name](data)
 
 
 def test_a_whole_packets_id_on_a_classic_frame_is_malformed():

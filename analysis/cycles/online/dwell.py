@@ -84,6 +84,7 @@ def place_endpoint(
 def _smoothed(angle: FloatArray, times_s: FloatArray, sigma_s: float) -> FloatArray:
     """Smooth evenly spaced points with a Gaussian; the ends are held."""
     sigma = sigma_s / max(float(np.median(np.diff(times_s))), 1e-9)
+    sigma = min(sigma, float(len(angle)))  # of a cycle that spans a clock that was set: no wider than what there is
     reach = int(3.0 * sigma)
     if reach < 1 or len(angle) < 3:
         return angle

@@ -7,6 +7,7 @@ says of its other types, or does not say, changes nothing.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.bounds import MAX_SAMPLES, too_many
 from analysis.formats.rows.streams import StreamChoice, chosen
 from analysis.formats.source import plain
 from analysis.formats.time_stamps import RawSamples
@@ -131,9 +133,8 @@ class OrientationCollector:
 
     def __init__(self, kind: str) -> None:
         self.kind = kind
-        self._times_s: list[float] = []
-        self._received_s: list[float] = []
-        self._rows: list[tuple[float, ...]] = []
+        # Flat: a tuple for every message takes four times the memory.
+        self._times_s, self._received_s, self._rows = array("d"), array("d"), array("d")
         self._labels: list[str] = []
         self._channels: list[str] = []
         orientation, position, acceleration = TYPES[kind]
@@ -142,7 +143,7 @@ class OrientationCollector:
         self._has_position, self._has_acceleration = bool(position), bool(acceleration)
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self._times_s)
 
     def add(self, message: Any, stored: StoredMessage) -> None:  # noqa: ANN401
         """Add a message's orientations.
@@ -157,7 +158,7 @@ class OrientationCollector:
         for item in message.transforms if self.kind == TRANSFORMS else (message,):
             quat = self._orientation(item)
             vectors = (part for get in self._vectors for part in _parts(get(item)))
-            self._rows.append((quat.w, quat.x, quat.y, quat.z, *vectors))
+            self._rows.extend((quat.w, quat.x, quat.y, quat.z, *vectors))
             header = getattr(item, "header", None)
             stamp = None if header is None else header.stamp
             # Whole seconds since the epoch keep 0.2 us in a double; that is enough for cycles of seconds.
@@ -175,14 +176,14 @@ class OrientationCollector:
         SeveralStreamsError
             Several publishers or channels at a time, and no choice.
         """
-        kept = np.ones(len(self._rows), dtype=bool)
+        kept = np.ones(len(self), dtype=bool)
         channels = np.array(self._channels)
         received_s = np.array(self._received_s)
         names = sorted(dict.fromkeys(self._channels))
         notes = [f"topic {plain(topic, 120)} ({self.kind})"]
         if len(names) > 1 and (choice.channel is not None or _overlap(channels, received_s, names)):
             kept = channels == chosen("channel", names, choice.channel)
-        rows = np.array(self._rows, dtype=np.float64)[kept]
+        rows = np.array(self._rows).reshape(len(self), -1)[kept]
         received_s = received_s[kept]
         times_s = np.array(self._times_s)[kept]
         labels = np.array(self._labels)[kept]
@@ -220,6 +221,8 @@ def collect(messages: Iterator[StoredMessage], topic: str, kind: str, source: st
     decode, collector = decoder(), OrientationCollector(kind)
     for stored in messages:
         collector.add(decode(stored), stored)
+        if len(collector) > MAX_SAMPLES:
+            raise ReaderError(too_many(source))
     if not len(collector):
         raise ReaderError(f"topic {plain(topic, 80)} ({kind}) of {source} has no messages")
     return collector.samples(topic, choice)

@@ -1,41 +1,34 @@
 """Logs of other CAN tools as chunks: candump ``.log``, Vector ASC and BLF, PCAN-View's TRC, python-can's CSV.
 
 Read through python-can, text logs line by line (:mod:`host.links.can.log_lines`). A BLF is compressed, and mutated ones
-have been seen to loop for ever or to need 800 MB, so it is read in a process of its own with limits
-(:mod:`host.links.can.blf_process`).
+have been seen to loop for ever or to need 800 MB, so all are read in a process of their own with limits
+(:mod:`analysis.confined`).
 """
 
 from __future__ import annotations
 
-import io
-import struct
-import subprocess
-import sys
-import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, cast
 
 import can
 
+from analysis.confined.call import StoppedError, pieces_of
+from analysis.confined.limits import Limits
 from firmware_protocol.can.frames import CanFrame, frame_array, iter_frames, pack_frames
 from host.errors import FileError, unreadable
 from host.links.can.bus import received_frame
 from host.links.can.log_kind import HEAD_BYTES, can_log_kind
-from host.links.can.log_lines import LinesLeftOut, text_messages
+from host.links.can.log_lines import MAX_TIME_S, LinesLeftOut, text_messages
 from host.links.transport import FrameChunk
 from host.text import plain
 
 FRAMES_A_CHUNK = 1000
-BLF_SECONDS_PER_MB = 20.0
-"""A hundred times what a sound file needs."""
-BLF_LEAST_SECONDS = 20.0
-
 COALESCED_NS = 250_000_000
 """Frames further apart are in different chunks."""
-_LENGTH = struct.Struct("<IB")  # of a batch, and of its channel's name
 _MAX_NAME = 255
+_READER = f"{__name__}:frame_batches"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +56,7 @@ def read_can_log(path: Path, file: IO[bytes] | None = None) -> CanLog:
     path : Path
         The log.
     file : binary file, optional
-        The log where it is open already, at its start; closed at the end. A BLF is opened again, by its own process.
+        The log where it is open already, at its start; closed at the end. It is opened again by its own process.
 
     Raises
     ------
@@ -79,18 +72,9 @@ def read_can_log(path: Path, file: IO[bytes] | None = None) -> CanLog:
                     f"{path} is not a CAN log",
                     "give a candump log, an ASC, a BLF, a TRC, or a CSV written by python-can",
                 )
-            channels: dict[str, list[FrameChunk]] = {}
-            if kind == "BLF":
-                found = _blf_chunks(path, damage)
-            else:
-                log.seek(0)
-                text = io.TextIOWrapper(log, encoding="utf-8", errors="replace")
-                left_out = LinesLeftOut(kind)
-                found = _chunks(text_messages(kind, text, left_out))
-            for channel, chunk in found:
-                channels.setdefault(channel, []).append(chunk)
-            if kind != "BLF":
-                damage += left_out.sentences()
+        channels: dict[str, list[FrameChunk]] = {}
+        for channel, chunk in _chunks_apart(path, kind, damage):
+            channels.setdefault(channel, []).append(chunk)
     except OSError as error:
         raise unreadable(path, error) from error
     if not channels:
@@ -100,53 +84,99 @@ def read_can_log(path: Path, file: IO[bytes] | None = None) -> CanLog:
     return CanLog(kind, {channel: tuple(chunks) for channel, chunks in channels.items()}, tuple(damage))
 
 
-def _chunks(messages: Iterable[can.Message]) -> Iterator[tuple[str, FrameChunk]]:
-    """Yield the frames of each channel in chunks as short as a link delivers them, with the channel's name.
+def frame_batches(path: str, kind: str) -> Generator[bytes, None, tuple[list[str], str]]:
+    """Read the frames of a log; called in its process.
+
+    Yields
+    ------
+    bytes
+        Length of a channel's name, the name, and frames of it as a batch.
+
+    Returns
+    -------
+    What could not be read, a sentence each; and why the whole log cannot be, empty where it can.
+    """
+    damage: list[str] = []
+    left_out = LinesLeftOut(kind)
+    try:
+        if kind == "BLF":
+            yield from _batches(_blf(Path(path), damage), damage)
+        else:
+            with Path(path).open(encoding="utf-8", errors="replace") as file:
+                yield from _batches(text_messages(kind, file, left_out), damage)
+            damage += left_out.sentences()
+    except FileError as error:
+        return damage, str(error)
+    return damage, ""
+
+
+def _batches(messages: Iterable[can.Message], damage: list[str]) -> Iterator[bytes]:
+    """Yield the frames of each channel in batches as short as a link delivers them.
 
     A chunk has one time of reception, so a silence of the log has to be one between chunks.
     """
     waiting: dict[str, list[CanFrame]] = {}
     for message in messages:
+        if not abs(message.timestamp) < MAX_TIME_S:
+            damage.append(f"a frame has the time {message.timestamp:g} s: it and what follows are left out")
+            break
         frame = received_frame(message, round(message.timestamp * 1e9))
         channel = "" if message.channel is None else str(message.channel)
         batch = waiting.setdefault(channel, [])
         if batch and not (
             len(batch) < FRAMES_A_CHUNK and 0 <= frame.host_time_ns - batch[0].host_time_ns <= COALESCED_NS
         ):
-            yield channel, FrameChunk(pack_frames(batch), batch[-1].host_time_ns)
+            yield _packed(channel, batch)
             batch.clear()
         batch.append(frame)
     for channel, batch in waiting.items():
-        yield channel, FrameChunk(pack_frames(batch), batch[-1].host_time_ns)
+        yield _packed(channel, batch)
 
 
-def write_chunks(messages: Iterable[can.Message], file: IO[bytes]) -> None:
-    """Write messages as frame batches, each behind its length and channel: what a process returns to its parent."""
-    for channel, chunk in _chunks(messages):
-        name = channel.encode()[:_MAX_NAME]
-        file.write(_LENGTH.pack(len(chunk.data), len(name)))
-        file.write(name)
-        file.write(chunk.data)
+def _packed(channel: str, batch: list[CanFrame]) -> bytes:
+    name = channel.encode("utf-8", "replace")[:_MAX_NAME]
+    return bytes([len(name)]) + name + pack_frames(batch)
 
 
-def _blf_chunks(path: Path, damage: list[str]) -> Iterator[tuple[str, FrameChunk]]:
-    limit_s = max(BLF_LEAST_SECONDS, BLF_SECONDS_PER_MB * path.stat().st_size / 1e6)
-    command = [sys.executable, "-P", "-m", "host.links.can.blf_process", str(path)]
-    with tempfile.TemporaryFile() as output:
+def _blf(path: Path, damage: list[str]) -> Iterator[can.Message]:
+    size = path.stat().st_size
+    try:
+        with can.BLFReader(path) as reader:
+            yield from reader
+            whole = reader.file_size
+    except MemoryError:
+        raise  # the limit of this process
+    except Exception as error:  # noqa: BLE001 - a damaged file makes it raise anything
+        damage.append(f"the BLF is damaged ({plain(f'{type(error).__name__}: {error}', 100)})")
+        return
+    if size < whole:  # to the library, the end of the file is the end of the log
+        damage.append(f"the BLF is damaged (it is cut: {size} of {whole} bytes are there)")
+
+
+def _chunks_apart(path: Path, kind: str, damage: list[str]) -> Iterator[tuple[str, FrameChunk]]:
+    """Yield the frames that a process of its own reads, with the name of their channel.
+
+    What it returns before it reaches a limit is kept. Raises FileError where the log cannot be read at all.
+    """
+    limits = Limits.of_file(path.stat().st_size)
+    try:
+        end = yield from _unpacked(pieces_of(_READER, str(path), kind, limits=limits))
+    except StoppedError as error:
+        damage.append(f"the {kind} log could not be read to its end: {plain(str(error), 200)}")
+        return
+    found, refusal = cast(tuple[list[str], str], end)
+    damage += found
+    if refusal:
+        raise FileError(refusal)
+
+
+def _unpacked(pieces: Generator[bytearray, None, object]) -> Generator[tuple[str, FrameChunk], None, object]:
+    while True:
         try:
-            done = subprocess.run(  # noqa: S603 - our own module
-                command, stdout=output, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, timeout=limit_s, check=False
-            )
-            if done.returncode:
-                words = done.stderr.decode(errors="replace").strip().splitlines()
-                damage.append(f"the BLF is damaged ({plain(words[-1], 100) if words else 'its reader was stopped'})")
-        except subprocess.TimeoutExpired:
-            damage.append(f"the BLF is damaged: reading it did not end within {limit_s:.0f} s")
-        output.seek(0)
-        while len(head := output.read(_LENGTH.size)) == _LENGTH.size:
-            n_bytes, n_name = _LENGTH.unpack(head)
-            name, data = output.read(n_name), output.read(n_bytes)
-            if len(data) < n_bytes:
-                return  # the process was stopped while it wrote
-            *_, last = iter_frames(frame_array(data)[-1:])
-            yield name.decode(errors="replace"), FrameChunk(data, last.host_time_ns)
+            piece = bytes(next(pieces))
+        except StopIteration as end:
+            return end.value
+        start = 1 + piece[0]
+        data = piece[start:]
+        *_, last = iter_frames(frame_array(data)[-1:])
+        yield piece[1:start].decode(errors="replace"), FrameChunk(data, last.host_time_ns)

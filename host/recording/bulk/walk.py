@@ -14,8 +14,6 @@ from dataclasses import dataclass
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Chunk as McapChunk
-from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from host.recording.bulk.record_runs import EvenRun, MessageRun, RecordRuns
@@ -156,33 +154,3 @@ class RecordWalk:
         behind = bytes(view) + self._file.read(n_magic) + self._continuation.read(n_magic)
         if behind != MCAP0_MAGIC:
             self._on_problem(at, "the file does not end behind its footer: the rest is not read")
-
-
-def unpacked(body: memoryview, on_problem: Callable[[str], object]) -> tuple[McapChunk, memoryview] | None:
-    """Return a chunk and what is in it, whose checksum is checked; None where that cannot be had, which is reported."""
-    try:
-        chunk = McapChunk.read(RecordBody(body))
-        if chunk.uncompressed_size > MAX_RECORD_BYTES:
-            raise ValueError("too large")
-        stream, _ = get_chunk_data_stream(chunk, validate_crc=True)
-        return chunk, memoryview(stream.read(chunk.uncompressed_size))
-    except Exception as error:  # noqa: BLE001 - decompressors raise their own kinds
-        on_problem(f"a chunk is damaged ({type(error).__name__}) and left out")
-        return None
-
-
-def chunk_records(body: memoryview, on_problem: Callable[[str], object]) -> Iterator[tuple[int, memoryview]]:
-    """Yield kind and body of the records in a chunk, whose own checksum is checked; ``on_problem`` as above."""
-    chunk = unpacked(body, on_problem)
-    if chunk is None:
-        return
-    view = chunk[1]
-    offset = 0
-    while len(view) - offset >= FRAME.size:
-        kind, length = FRAME.unpack_from(view, offset)
-        end = offset + FRAME.size + length
-        if end > len(view):
-            on_problem("a chunk ends within a record")
-            return
-        yield kind, view[offset + FRAME.size : end]
-        offset = end

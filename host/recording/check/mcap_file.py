@@ -7,7 +7,9 @@ import struct
 import time
 import zlib
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +31,9 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from host.errors import FileError, unreadable
+from host.recording.bulk.compressed_chunks import CompressedChunks, unpacked
 from host.recording.bulk.record_runs import EvenRun, MessageRun, RecordRuns
-from host.recording.bulk.walk import FRAME, MESSAGE, RecordBody, RecordWalk, unpacked
+from host.recording.bulk.walk import FRAME, MESSAGE, RecordBody, RecordWalk
 from host.recording.check.account import ChannelAccount, CheckReport, Findings
 from host.recording.check.message_index import MessageIndexCheck
 from host.recording.check.messages import CheckedChannel, MessageCheck
@@ -70,11 +73,11 @@ def check_mcap(path: Path, now_s: Callable[[], float] = time.time) -> CheckRepor
         It cannot be read, or does not start as an MCAP file does.
     """
     try:
-        with path.open("rb", buffering=0) as file:
+        with path.open("rb", buffering=0) as file, closing(CompressedChunks(path)) as compressed:
             if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
                 raise FileError(f"{path} does not start as an MCAP file does", "give a recording")
             age_s = now_s() - path.stat().st_mtime
-            return _McapCheck(file).report(being_written=0 <= age_s < STILL_WRITTEN_S)
+            return _McapCheck(file, compressed).report(being_written=0 <= age_s < STILL_WRITTEN_S)
     except OSError as error:
         raise unreadable(path, error) from error
 
@@ -82,7 +85,8 @@ def check_mcap(path: Path, now_s: Callable[[], float] = time.time) -> CheckRepor
 class _McapCheck:
     """One pass over a file."""
 
-    def __init__(self, file: io.FileIO) -> None:
+    def __init__(self, file: io.FileIO, compressed: CompressedChunks) -> None:
+        self._compressed = compressed
         self._damage = Findings()
         self._notes = Findings()
         self._checksums = SectionChecksums()
@@ -286,7 +290,8 @@ class _McapCheck:
             self._damage.add(at, f"channel {channel.id} is described twice, in different ways", "the first is taken")
 
     def _add_chunk(self, at: int, body: memoryview) -> None:
-        found = unpacked(body, lambda problem: self._damage.add(at, problem, "all messages in it are missing"))
+        report = partial(self._damage.add, at, meaning="all messages in it are missing")
+        found = unpacked(body, report, self._compressed)
         if found is None:
             return
         chunk, view = found
