@@ -87,14 +87,14 @@ def read_can_log(path: Path, file: IO[bytes] | None = None) -> CanLog:
 def frame_batches(path: str, kind: str) -> Generator[bytes, None, tuple[list[str], str]]:
     """Read the frames of a log; called in its process.
 
+    Returns
+    -------
+    What could not be read, a sentence each; and why the whole log cannot be, empty where it can.
+
     Yields
     ------
     bytes
         Length of a channel's name, the name, and frames of it as a batch.
-
-    Returns
-    -------
-    What could not be read, a sentence each; and why the whole log cannot be, empty where it can.
     """
     damage: list[str] = []
     left_out = LinesLeftOut(kind)

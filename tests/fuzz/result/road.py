@@ -169,11 +169,12 @@ def check_result(result: Result, trial: RecordedTrial) -> None:
     """Demand of a result, as it was read from its file, that its parts fit each other and the account."""
     losses = result.losses
     assert losses is not None
-    demand(losses.produced == losses.received + losses.lost + losses.rejected + losses.dropped_by_device, "sum", losses)
+    parts = losses.received, losses.lost, losses.rejected, losses.dropped_by_device, losses.damaged_in_file
+    demand(losses.produced == sum(parts), "sum", losses)
     demand(losses.produced == trial.losses.produced, "the result has the account", losses)
     demand(0 <= losses.share <= 1, "share", losses.share)
     for cycle in result.losses_per_cycle or ():
-        parts = (cycle.received, cycle.lost, cycle.rejected, cycle.dropped_by_device)
+        parts = (cycle.received, cycle.lost, cycle.rejected, cycle.dropped_by_device, cycle.damaged_in_file)
         demand(cycle.produced == sum(parts) and min(parts) >= 0, "sum of a cycle", cycle)
     for sentence in (*result.reasons, *result.warnings):
         demand(sentence.isprintable() and len(sentence) < 1000, "sentences of a result", ascii(sentence))
