@@ -288,7 +288,7 @@ def _differing_fields(trial: Trial, recorded: RecordedTrial) -> list[str]:
     pairs = {
         "counters": (trial.link.counters, recorded.counters),
         "segments": (tuple(assembler.segments), recorded.segments),
-        "info": (assembler.info, recorded.info),
+        "info": (repr(assembler.info), repr(recorded.info)),
         "status": (repr(assembler.status), repr(recorded.status)),
         "problems": ({*trial.problems, *trial.refused}, set(recorded.problems)),
         "reconnects": (trial.reconnects, recorded.reconnects),

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 MAX_PACKET_BYTES = 4095
 """Longer ones are refused: no packet of any version comes near."""
+NEVER_MS = 10**9
+"""A decoder waits for the rest of a packet for as long as it takes."""
 FLOW_CONTROL_MS = 250
 """How long the sender waits for flow control: with nobody there, the next packet waits no longer than that."""
 MAX_WAITING = 8
@@ -101,6 +103,9 @@ class LongPacketChannel:
         params = {
             "stmin": 0,
             "rx_flowcontrol_timeout": FLOW_CONTROL_MS,
+            # What a decoder makes of frames depends on the frames alone: the library's timers go by this machine's clock,
+            # which means nothing for a recording. A packet whose rest never comes ends with the next first frame.
+            **({"rx_consecutive_frame_timeout": NEVER_MS} if listens_only else {}),
             "blocksize": 0,
             "max_frame_size": MAX_PACKET_BYTES,
             "can_fd": fd,

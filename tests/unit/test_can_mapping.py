@@ -369,3 +369,20 @@ def test_time_order_of_frames_and_packets_is_kept() -> None:
     frames = timed(end, [*samples[:4], encode_packet(STATUS), *samples[4:]], 1_000_000)
     items = CanStreamDecoder().feed(pack_frames(frames))
     assert [len(item.sequence) if hasattr(item, "quats_wxyz") else item for item in items] == [4, STATUS, 6]
+
+
+def test_a_decoder_puts_a_long_packet_together_however_long_it_takes(monkeypatch):
+    """Live, seconds may pass between two of its frames; as a recording is read, none do: both give the same."""
+    import isotp.tools
+
+    from firmware_protocol.can.iso_tp import LongPacketChannel
+
+    now_ns = [0]
+    monkeypatch.setattr(isotp.tools.time, "perf_counter_ns", lambda: now_ns[0])
+    packet = bytes(range(20))
+    channel = LongPacketChannel(5, is_object=False, listens_only=True)
+    assert channel.feed(bytes([0x10, 20]) + packet[:6]) == []
+    now_ns[0] += 5 * 10**9
+    assert channel.feed(bytes([0x21]) + packet[6:13]) == []
+    now_ns[0] += 5 * 10**9
+    assert channel.feed(bytes([0x22]) + packet[13:]) == [packet]
