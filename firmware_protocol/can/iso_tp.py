@@ -103,7 +103,7 @@ class LongPacketChannel:
         params = {
             "stmin": 0,
             "rx_flowcontrol_timeout": FLOW_CONTROL_MS,
-            # What a decoder makes of frames depends on the frames alone: the library's timers go by this machine's clock,
+            # What a decoder makes of frames depends on these alone: the library's timers go by this machine's clock,
             # which means nothing for a recording. A packet whose rest never comes ends with the next first frame.
             **({"rx_consecutive_frame_timeout": NEVER_MS} if listens_only else {}),
             "blocksize": 0,
