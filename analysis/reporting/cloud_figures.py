@@ -125,7 +125,7 @@ def _cloud_figure(
 
 
 def _view(points: FloatArray) -> tuple[float, float]:
-    """Return elevation and azimuth, of a few, from which the path of the end points looks longest, so most apart."""
+    """Return elevation and azimuth, of a few, from which the path of the end points appears longest, so most apart."""
 
     def length(view: tuple[float, float]) -> float:
         elevation, azimuth = np.radians(view)

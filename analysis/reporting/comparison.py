@@ -128,7 +128,7 @@ def _mixed(sources: Sequence[ComparedSource]) -> list[str]:
     for name in names:
         values: dict[str, list[str]] = {}
         for source in sources:
-            values.setdefault(dict(source.rules).get(name, "not said"), []).append(source.name)
+            values.setdefault(dict(source.rules).get(name, "not stated"), []).append(source.name)
         if len(values) > 1:
             stated = ", ".join(f"'{value}' in {' and '.join(where)}" for value, where in values.items())
             found.append(f"{name} is {stated}")

@@ -36,7 +36,7 @@ CAPTIONS = {
     "steps": "How far the object turned from one end point to the next. θ̄ is the angle of the average of these "
     "rotations; it is below the bars where they do not all turn the same way.",
     "drift": "Path of the end points, seen along the axis about which they wander least.",
-    "sensitivity": "θ̄ as the card says, and what it would have been with other choices. To first order only the "
+    "sensitivity": "θ̄ by the card, and what it would have been with other choices. To first order only the "
     "first and the last end point matter, so leaving one out shows how firm the score is.",
     "link": "Time between neighbouring samples, with the places where samples are missing.",
 }

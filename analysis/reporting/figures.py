@@ -153,19 +153,19 @@ class SensitivityRow:
 
 def sensitivity(result: Result) -> list[SensitivityRow]:
     """Return θ̄ and what it would be with other choices; empty without a score."""
-    theta, companions, other = result.theta_bar_deg, result.companions, result.other_extreme
-    if theta is None or companions is None:
+    theta, diagnostics, other = result.theta_bar_deg, result.companions, result.other_extreme
+    if theta is None or diagnostics is None:
         return []
-    sweep = companions.over_phase_deg
+    sweep = diagnostics.over_phase_deg
     low, high = result.interval_deg or (theta, theta)
     rows = [
-        SensitivityRow("θ̄, as the card says", theta, low, high, is_score=True),
-        _row("without the first end point", companions.without_first_deg),
-        _row("without the last end point", companions.without_last_deg),
-        _row("each cycle left out in turn", companions.leave_one_out_deg),
+        SensitivityRow("θ̄ by the card", theta, low, high, is_score=True),
+        _row("without the first end point", diagnostics.without_first_deg),
+        _row("without the last end point", diagnostics.without_last_deg),
+        _row("each cycle left out in turn", diagnostics.leave_one_out_deg),
         _row("at the other extreme", None if other is None else other.theta_bar_deg),
         _row("at any phase of the cycle", None if sweep is None else (sweep.min, sweep.max)),
-        _row("slope over all end points", companions.slope_deg_per_cycle),
+        _row("slope over all end points", diagnostics.slope_deg_per_cycle),
     ]
     return [row for row in rows if row is not None]
 

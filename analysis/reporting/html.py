@@ -55,7 +55,7 @@ def report_html(
     drawn : mapping
         Figures by trial id, a ``svg`` and a ``png`` of each.
     forest : mapping
-        The figure of the whole as ``svg``; not looked at where there is only one trial.
+        The figure of the whole as ``svg``; not used where there is only one trial.
     """
     plotly = plotly_base64()
     pooled = pool([trial.figure for trial in trials])

@@ -178,7 +178,7 @@ class Pages(FPDF):
                     font.ttfont.close()
 
     def header(self) -> None:
-        """Set the title on every page but the first, which begins with it."""
+        """Set the title on every page but the first, which starts with it."""
         if self.page_no() > 1:
             self.set_y(8)
             self._letters(6.5, style.GREY)
@@ -194,7 +194,7 @@ class Pages(FPDF):
         self.cell(w=self.epw, text=text)
 
     def room(self, height_mm: float) -> None:
-        """Begin a new page unless so much is left on this one."""
+        """Start a new page unless so much is left on this one."""
         if self.will_page_break(height_mm):
             self.add_page()
 

@@ -1,4 +1,4 @@
-"""How figures look and how they become bytes: one paper column wide, colour-blind safe, the same bytes every time.
+"""The style of figures, and how they become bytes: one paper column wide, colour-blind safe, the same bytes every time.
 
 No pyplot: figures are objects, nothing is global, and no window system is asked for.
 """

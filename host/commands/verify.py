@@ -88,7 +88,7 @@ def _values(found: Verification) -> dict[str, object]:
 
 
 def _lines(found: Verification) -> Iterator[str]:
-    """Report what was not compared first: whoever reads on shall not take silence for agreement.
+    """Report what was not compared first: silence would read as agreement.
 
     Yields
     ------

@@ -109,7 +109,7 @@ def read_archive(data: bytes) -> dict[str, bytes]:
     Raises
     ------
     BundleError
-        Not a zip, damaged, or not exactly as :func:`archive_bytes` lays it out; one sentence names what.
+        Not a zip, damaged, or not exactly as :func:`archive_bytes` writes it; one sentence names what.
     """
     if len(data) > MAX_TOTAL_BYTES:
         raise BundleError(f"refused: an archive of {len(data)} bytes, more than {MAX_TOTAL_BYTES}")

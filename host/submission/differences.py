@@ -92,7 +92,7 @@ def _only_last_digits(claimed: str, made: str) -> bool:
 
 
 def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """Refuse a name that stands twice in an object: one reader takes the first value, the next one the last."""
+    """Refuse a name that stands twice in an object: one reader believes the first value, the next one the last."""
     found = dict(pairs)
     if len(found) < len(pairs):
         raise ValueError("a name stands twice in one object")

@@ -83,7 +83,7 @@ def build_trial(source: TrialSource, *, parquet: bool) -> BuiltTrial:
 def trial_entry(trial: BuiltTrial) -> TrialEntry:
     """Return a trial's entry in ``submission.json``."""
     report, result, source = trial.report, trial.report.result, trial.source
-    companions, other, sensor = result.companions, result.other_extreme, result.sensor
+    diagnostics, other, sensor = result.companions, result.other_extreme, result.sensor
     low, high = result.interval_deg or (None, None)
     return TrialEntry(
         id=report.id,
@@ -96,10 +96,10 @@ def trial_entry(trial: BuiltTrial) -> TrialEntry:
         interval_high_deg=high,
         n_endpoints=result.n_endpoints,
         period_s=result.period_s,
-        mean_step_deg=None if companions is None else companions.mean_step_deg,
+        mean_step_deg=None if diagnostics is None else diagnostics.mean_step_deg,
         drift_axis=None if result.axis is None else list(result.axis),
         theta_bar_other_extreme_deg=None if other is None else other.theta_bar_deg,
-        translation_drift_mm=None if companions is None else companions.translation_drift_mm,
+        translation_drift_mm=None if diagnostics is None else diagnostics.translation_drift_mm,
         sensor_per_cycle_deg=None if sensor is None else sensor.per_cycle_deg,
         sensor_floor_deg=None if sensor is None else sensor.detectable_deg,
         reasons=list(result.reasons),

@@ -74,7 +74,7 @@ class Verification:
 def verify_bundle(path: Path, *, drawings: bool = True, key: PublicKey | None = None) -> Verification:
     """Verify a bundle, the zip or a folder it was unpacked to.
 
-    To make the ``drawings``, figures and reports, again too takes most of the time. With a ``key`` the signature beside
+    To make the ``drawings``, figures and reports, again too needs most of the time. With a ``key`` the signature beside
     the zip is checked.
 
     Raises

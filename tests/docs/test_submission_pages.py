@@ -1,4 +1,4 @@
-"""The pages about cards and submissions say what the code does."""
+"""The pages about cards and submissions agree with the code."""
 
 import re
 from pathlib import Path

@@ -200,7 +200,7 @@ def test_tables_keep_foreign_text_in_its_cell(comparison):
     assert '"<script>alert(1)</script> & | $x_1$ \\ =HYPERLINK(""x"")"' in table
 
 
-def test_names_in_latex_are_no_arguments_of_what_stands_before_them():
+def test_names_in_latex_do_not_become_arguments_of_what_stands_before_them():
     comparison = compare([source("s", *(trial(name, 1.0, (0.7, 1.3)) for name in ("[T42]", "*best*", "a---b", "?`")))])
     latex = summary_latex(comparison.rows)
     rows = latex.partition("\\midrule\n")[2].splitlines()

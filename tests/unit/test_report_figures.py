@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 from scipy.spatial.transform import Rotation
 
-from analysis.reporting import style as look
+from analysis.reporting import style as theme
 from analysis.reporting.clouds import MAX_CLOUD_POINTS, clouds_of, turn_about_axis
 from analysis.reporting.figure_set import CAPTIONS, draw_figures, make_figure
 from analysis.reporting.figures import _thinned, numbers_shown, sensitivity, summary_figure
@@ -50,9 +50,9 @@ def test_every_format_is_drawn_and_the_same_input_gives_the_same_bytes(trial):
     once = {name: make_figure(trial.series, trial.result, name) for name in ("steps", "drift")}
     for name, figure in again.items():
         for kind, signature in SIGNATURES.items():
-            content = look.figure_bytes(figure, kind)
+            content = theme.figure_bytes(figure, kind)
             assert content.startswith(signature)
-            assert content == look.figure_bytes(once[name], kind), (name, kind)
+            assert content == theme.figure_bytes(once[name], kind), (name, kind)
             assert len(content) > 4000
 
 
@@ -100,7 +100,7 @@ def test_positions_make_a_translation_cloud_in_mm(trial):
     clouds = clouds_of(series, trial.result)
     since = trial.result.endpoint_times_s - trial.result.endpoint_times_s[0]
     np.testing.assert_allclose(clouds.endpoint_positions_mm[:, 0], since, atol=1e-9)
-    with look.style():
+    with theme.style():
         from analysis.reporting.cloud_figures import translation_cloud_figure
 
         assert translation_cloud_figure(clouds) is not None
@@ -185,7 +185,7 @@ def test_numbers_cover_no_point_and_no_other_number(points, spread):
         boxes.append((middle, half))
 
 
-def test_without_time_stamps_nothing_is_said_of_missing_samples(trial):
+def test_without_time_stamps_nothing_is_reported_of_missing_samples(trial):
     unmeasured = replace(trial, series=replace(trial.series, times_measured=False))
     assert make_figure(unmeasured.series, unmeasured.result, "link") is None
     assert "no time stamps" in methods_text(unmeasured)
@@ -193,5 +193,5 @@ def test_without_time_stamps_nothing_is_said_of_missing_samples(trial):
 
 
 def test_characters_without_a_glyph_become_visible_marks():
-    assert look.drawable("θ̄ ° ok") == "θ̄ ° ok"
-    assert look.drawable("\x1b[31m漢") == "\ufffd[31m\ufffd"
+    assert theme.drawable("θ̄ ° ok") == "θ̄ ° ok"
+    assert theme.drawable("\x1b[31m漢") == "\ufffd[31m\ufffd"

@@ -110,12 +110,12 @@ def test_the_scenes_hold_the_end_points(page, trials):
     assert points["x"][0] == points["y"][0] == points["z"][0] == 0.0
 
 
-def test_only_the_3d_bundle_of_plotly_is_embedded_and_its_size_is_said(page):
+def test_only_the_3d_bundle_of_plotly_is_embedded_and_its_size_is_stated(page):
     code = gzip.decompress(base64.b64decode(plotly_base64()))
     assert code.startswith(b"/**\n* plotly.js (gl3d - minified)")
     assert BUNDLE.stat().st_size < 600_000
-    said = float(re.search(r"Size: ([\d.]+) MB", page).group(1))
-    assert said == pytest.approx(len(page.encode()) / 1e6, abs=0.011)
+    stated = float(re.search(r"Size: ([\d.]+) MB", page).group(1))
+    assert stated == pytest.approx(len(page.encode()) / 1e6, abs=0.011)
 
 
 def test_reports_are_the_same_every_time(page, trials, drawn, forest):
@@ -141,19 +141,19 @@ def test_a_trial_without_score_claims_none(trials, drawn):
     assert report_pdf([refused], title="x", version="0", drawn=drawn, forest={}).startswith(b"%PDF")
 
 
-def test_cycles_left_out_by_a_person_are_said_with_the_reason(trials):
+def test_cycles_left_out_by_a_person_are_named_with_the_reason(trials):
     series, _ = scored(cycles=8, slip_cycle=4)
     score = score_series(series)
     found = [point.time_s for point in score.endpoints]
     left_out = score_series(series, excluded=[ExcludedCycle(found[3], found[4], "slipped <b>hard</b>")])
     report = replace(trials[0], series=series, result=left_out)
-    said = "The operator left out cycle 4 (slipped <b>hard</b>)"
-    assert said in methods_text(report)
+    stated = "The operator left out cycle 4 (slipped <b>hard</b>)"
+    assert stated in methods_text(report)
     assert [row[0] for row in cycle_rows(report) if "left out by the operator: slipped" in row[-1]] == ["5"]
 
 
 def test_the_shipped_plotly_is_the_one_its_licence_file_names():
     import hashlib
 
-    said = (BUNDLE.parent / "plotly-LICENSE.txt").read_text("utf-8")
-    assert hashlib.sha256(gzip.decompress(BUNDLE.read_bytes())).hexdigest() in said
+    stated = (BUNDLE.parent / "plotly-LICENSE.txt").read_text("utf-8")
+    assert hashlib.sha256(gzip.decompress(BUNDLE.read_bytes())).hexdigest() in stated

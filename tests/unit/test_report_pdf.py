@@ -136,7 +136,7 @@ def test_foreign_text_is_text(trial, figures):
     assert all(f"of {len(pages)}" in page for page in pages)
 
 
-def test_a_trial_without_score_says_why(trial, figures):
+def test_a_trial_without_score_states_why(trial, figures):
     result = structs.replace(
         trial.result, valid=False, theta_bar_deg=None, reasons=("nothing moves",), warnings=("odd",)
     )

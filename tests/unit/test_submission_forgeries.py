@@ -181,7 +181,7 @@ def test_the_same_numbers_in_another_layout_are_found(honest, forged):
     assert not forged({"submission.json": escaped}, drawings=False).equal
 
 
-def test_whole_numbers_are_no_fractions_nor_truths(honest, forged):
+def test_whole_numbers_are_neither_fractions_nor_truths(honest, forged):
     name = f"{TRIAL}result.json"
     count = json.loads(honest.files[name])["n_endpoints"]
     for other in (f"{count}.0", f"{count}.0000000001", "true"):
@@ -208,7 +208,7 @@ def test_sources_are_written_as_the_program_writes_them(honest, forged):
     "name", ["ROLL\u0301.csv", "r\u00f6ll.csv", "ro\u0308ll.csv", "a b.csv", ".csv", "0.csv ", "0\u200b.csv"]
 )
 def test_a_recording_has_a_name_that_a_report_gives(honest, forged, name):
-    """Two names that look alike are one too many; in an unpacked folder the archive's rules do not help."""
+    """Two names that appear the same are one too many; in an unpacked folder the archive's rules do not help."""
     raw = f"{TRIAL}raw/0.csv"
     for taken in ({}, {raw: None}):
         found = forged({f"{TRIAL}raw/{name}": honest.files[raw], **taken}, drawings=False)

@@ -122,7 +122,7 @@ def test_every_value_of_every_json_file_is_found(undrawn, verified):
     assert count > 250
 
 
-def test_other_versions_claimed_are_said_and_hide_nothing_silently(drawn, undrawn, verified):
+def test_other_versions_claimed_are_named_and_hide_nothing(drawn, undrawn, verified):
     for package in json.loads(undrawn.files["submission.json"])["made_with"]:
         whole = drawn if package in {"matplotlib", "pyarrow"} else undrawn
         values = json.loads(whole.files["submission.json"])

@@ -120,7 +120,7 @@ def test_what_is_not_a_signature_is_bad_and_no_crash(keys, signed, content):
     assert (found.standing, "not a signature of minisign" in found.sentence) == (Standing.BAD, True)
 
 
-def test_the_signature_is_ed25519_over_blake2b_as_the_format_says(keys, signed):
+def test_the_signature_is_ed25519_over_blake2b_as_the_format_defines(keys, signed):
     """Read by the format's description and ``cryptography`` alone."""
     ed25519 = pytest.importorskip("cryptography.hazmat.primitives.asymmetric.ed25519")
     encoded = base64.b64decode((keys / "lab.pub").read_text().splitlines()[1])

@@ -65,7 +65,7 @@ def test_order_does_not_matter_and_the_same_sources_give_the_same_bytes(sources,
     assert build_submission(sources[::-1], drawings=False).files == files
 
 
-def test_the_submission_says_everything_and_pools_only_repeats(files):
+def test_the_submission_states_everything_and_pools_only_repeats(files):
     submission = parse_submission(files["submission.json"])
     assert [trial.id for trial in submission.trials] == [
         "t42--cube-60-x-60-x-60-mm--roll--01",
@@ -162,7 +162,7 @@ def test_an_untouched_bundle_is_equal(files, tmp_path):
     assert (found.equal, found.altered, found.differences, found.n_trials) == (True, (), (), 3)
 
 
-def test_the_finding_says_what_and_by_how_much(files, tmp_path):
+def test_the_finding_states_what_and_by_how_much(files, tmp_path):
     values = json.loads(files["submission.json"])
     before = values["trials"][0]["theta_bar_deg"]
     values["trials"][0]["theta_bar_deg"] = before - 0.25
@@ -214,7 +214,7 @@ def test_nonsense_inside_is_a_finding_and_never_a_crash(files, tmp_path, damage)
     assert len(found.differences) + len(found.altered) >= 1
 
 
-def test_what_is_no_bundle_is_refused(tmp_path):
+def test_what_is_not_a_bundle_is_refused(tmp_path):
     (tmp_path / "a.zip").write_bytes(b"PK")
     with pytest.raises(FileError):
         verify_bundle(tmp_path / "a.zip")
@@ -224,7 +224,7 @@ def test_what_is_no_bundle_is_refused(tmp_path):
         verify_bundle(tmp_path / "folder")
 
 
-def test_other_versions_are_said(sources, tmp_path):
+def test_other_versions_are_named(sources, tmp_path):
     built = build_submission(sources[:1], drawings=False, versions={**made_with(), "matplotlib": "1.0"})
     found = verify_bundle(pack(tmp_path / "a.zip", built.files), drawings=False)
     assert found.equal
