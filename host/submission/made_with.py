@@ -19,7 +19,8 @@ from analysis.reporting.figure_set import CAPTIONS
 from analysis.reporting.style import FREETYPE_VERSION
 from host.version import VERSION
 
-PACKAGES = ("matplotlib", "numpy", "scipy", "pyarrow", "fonttools", "fpdf2", "jinja2", "pillow")
+PACKAGES = ("matplotlib", "kiwisolver", "numpy", "scipy", "pyarrow", "fonttools", "fpdf2", "jinja2", "pillow")
+"""Kiwisolver places what matplotlib draws."""
 PARQUET = ".parquet"
 PROGRAM = {"rotdrift", "code"}
 """What in :func:`made_with` names this program itself: its release, and its code between releases."""

@@ -9,6 +9,7 @@ import zlib
 
 import pytest
 
+import host.submission.made_with as versions
 from host.cli import main
 from host.submission import archive
 from host.submission.archive import archive_bytes
@@ -321,8 +322,6 @@ def test_a_parquet_that_contradicts_its_maker_is_found_without_pyarrow(honest, f
     assert f"{name} does not belong to this submission" in forged(unnamed, drawings=False).differences
     assert forged({name: None}, drawings=False).differences == (f"{name} is missing",)
     # Also where this program cannot make one.
-    import host.submission.made_with as versions
-
     monkeypatch.setattr(versions, "PACKAGES", tuple(name for name in versions.PACKAGES if name != "pyarrow"))
     assert forged({name: None}, drawings=False).differences == (f"{name} is missing",)
     assert name in forged({}, drawings=False).uncompared
@@ -351,3 +350,36 @@ def test_words_of_another_release_are_not_compared_and_its_numbers_are(honest, f
         submission["trials"][0][key] = other
         claimed = {**older, "submission.json": (json.dumps(submission, indent=1, ensure_ascii=False) + "\n").encode()}
         assert not forged(claimed, drawings=False).equal, key
+
+
+def test_trials_that_have_changed_places_are_found():
+    """Both are sound, and each is what its folder gives; only the ids are the other's."""
+    sources = [trial_source("0.csv", seed=5), trial_source("1.csv", seed=6)]
+    files = build_submission(sources, drawings=False).files
+    first, second = TRIAL, TRIAL.replace("--01/", "--02/")
+    names = {first: second, second: first}
+    swapped = {
+        next((name.replace(old, new) for old, new in names.items() if name.startswith(old)), name): content
+        for name, content in files.items()
+    }
+    assert swapped[f"{first}raw/1.csv"] == files[f"{second}raw/1.csv"]
+    found = verify_files(under_new_manifest(swapped), drawings=False)
+    assert any(line.startswith(f"{first}raw/1.csv does not belong") for line in found.differences)
+    assert any(line.startswith(f"{first}result.json: ") for line in found.differences)
+    assert verify_files(under_new_manifest(files), drawings=False).equal
+
+
+def test_the_code_has_a_digest_that_follows_it_and_not_its_line_ends(tmp_path, monkeypatch):
+    """Between two releases the version stands still."""
+    package = tmp_path / "analysis"
+    package.mkdir()
+    monkeypatch.setattr(versions, "_ROOT", tmp_path)
+    seen = []
+    for name, content in (("a.py", b"x = 1\n"), ("a.py", b"x = 2\n"), ("b.py", b""), ("c.html", b"<p>\n")):
+        (package / name).write_bytes(content)
+        seen.append(versions.code_digest.__wrapped__())
+    assert len(set(seen)) == 4
+    (package / "a.py").write_bytes(b"x = 2\r\n")
+    (package / "a.pyc").write_bytes(b"\0")
+    assert versions.code_digest.__wrapped__() == seen[-1]
+    assert versions.code_digest() == made_with()["code"] not in seen
