@@ -167,7 +167,8 @@ def _secret_key(args: argparse.Namespace) -> SecretKey:
 
 
 def _write(out: Path, built: BuiltSubmission, key: SecretKey | None) -> None:
-    from host.errors import unwritable
+    from host.errors import UsageError, unwritable
+    from host.submission.archive import BundleError
     from host.submission.bundle import MANIFEST, bundle_bytes, manifest_text
 
     single = {".html": "report.html", ".pdf": "report.pdf"}.get(out.suffix.lower())
@@ -185,6 +186,8 @@ def _write(out: Path, built: BuiltSubmission, key: SecretKey | None) -> None:
                 place = out / name
                 place.parent.mkdir(parents=True, exist_ok=True)
                 place.write_bytes(content)
+    except BundleError as error:
+        raise UsageError(f"this is too much for one submission ({error})", "make several submissions") from error
     except OSError as error:
         raise unwritable(out, error) from error
 

@@ -88,15 +88,17 @@ def archive_bytes(files: Mapping[str, bytes]) -> bytes:
     Raises
     ------
     BundleError
-        A name that a reader would refuse.
+        A name, a size or a number of files that a reader would refuse.
     """
     pieces: list[bytes] = []
     members: dict[int, _Member] = {}
-    offset = 0
+    offset = total = 0
     for name in sorted(files):
         check_name(name)
         packed = _deflated(files[name])
         member = _Member(name, zlib.crc32(files[name]), len(packed), len(files[name]))
+        total += member.size
+        _check_size(member, max(total, offset + member.packed_size), len(members) + 1)
         members[offset] = member
         pieces += [member.local_header(), packed]
         offset += len(pieces[-2]) + len(packed)

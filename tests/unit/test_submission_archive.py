@@ -148,6 +148,8 @@ def test_bombs_are_refused_before_they_are_unpacked(monkeypatch):
         read_archive(many)
     with pytest.raises(BundleError, match="an archive of"):
         read_archive(many + bytes(10 * 2**20))
+    with pytest.raises(BundleError, match="in all"):
+        archive_bytes({f"z{k:02d}": bytes(2**20) for k in range(20)})  # nor is one written that nobody reads
 
 
 @pytest.mark.parametrize("claim", [100, 2**20 - 1, 2**20 + 1])

@@ -337,6 +337,14 @@ def test_a_signature_is_not_replaced_unasked_and_a_stale_one_is_named(submission
 
 
 @undrawn()
+def test_a_submission_that_nobody_could_read_is_not_written(submission, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("host.submission.archive.MAX_TOTAL_BYTES", 100_000)
+    assert main(["report", str(submission.with_name("roll.csv")), "--out", str(tmp_path / "s.zip")]) == 2
+    assert "too much for one submission" in capsys.readouterr().err
+    assert not (tmp_path / "s.zip").exists()
+
+
+@undrawn()
 def test_a_password_comes_from_the_input_where_there_is_no_terminal(submission, tmp_path, monkeypatch):
     pair = minisign.KeyPair.generate()
     pair.secret_key.encrypt("pass word", opslimit=2**15, memlimit=2**24)

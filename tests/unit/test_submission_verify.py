@@ -3,6 +3,7 @@
 import json
 import tomllib
 
+import numpy as np
 import pytest
 from msgspec import structs
 
@@ -12,11 +13,12 @@ from host.cards.definitions import Cards, parse_cards
 from host.errors import FileError, UsageError
 from host.submission.bundle import MANIFEST, bundle_bytes, manifest_text
 from host.submission.contents import build_submission
-from host.submission.made_with import made_with
+from host.submission.made_with import is_drawn, made_with
 from host.submission.manifest import parse_submission, submission_schema
 from host.submission.source import Choices, TrialSource, load_source
 from host.submission.trial_labels import trial_labels
 from host.submission.verification import verify_bundle
+from tests.command_line import rotdrift
 from tests.recorded_trials import scenario, virtual_chunks, write_recording
 from tests.scored_trials import scored
 
@@ -279,3 +281,19 @@ def test_the_published_schema_is_the_code_s_own():
 
     published = (Path(__file__).parents[2] / "docs" / "submission.schema.json").read_text("utf-8")
     assert published == submission_schema(), "renew it: see docs/submission.md"
+
+
+def test_another_processor_gives_the_same_numbers_and_is_named_where_last_digits_differ(files, tmp_path):
+    """Numpy without what this processor can do more than the first of its kind, in a process of its own."""
+    found = np._core._multiarray_umath
+    features = [name for name in found.__cpu_dispatch__ if found.__cpu_features__.get(name)]
+    path = pack(tmp_path / "a.zip", files)
+    done = rotdrift("verify", path, "--no-drawings", "--json", NPY_DISABLE_CPU_FEATURES=" ".join(features))
+    assert done.returncode == 0, done.stdout + done.stderr
+    values = json.loads(done.stdout)
+    assert (values["equal"], values["differences"]) == (True, [])
+    # Which digits differ depends on the processor; wherever bytes do, the file is named.
+    assert all(name.endswith((".json", ".csv")) for name in values["rounded"])
+    assert {name for name in values["uncompared"] if not is_drawn(name)} <= {
+        name for name in files if name.endswith(".parquet")
+    }
