@@ -51,6 +51,19 @@ def test_what_was_written_is_read_back_and_checks(tmp_path):
     assert check_manifest(files) == ()
 
 
+def test_info_zip_finds_nothing_wrong(tmp_path):
+    """A reader that warns of every byte it does not expect."""
+    (tmp_path / "a.zip").write_bytes(bundle_bytes(FILES))
+    try:
+        done = subprocess.run(
+            ["unzip", "-t", "a.zip"], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=HANG_S
+        )
+    except FileNotFoundError:
+        pytest.skip("unzip is not installed")
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+    assert "No errors detected" in done.stdout
+
+
 def test_the_manifest_is_understood_by_sha256sum(tmp_path):
     with zipfile.ZipFile(io.BytesIO(bundle_bytes(FILES))) as archive:
         archive.extractall(tmp_path)
