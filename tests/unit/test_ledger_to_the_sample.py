@@ -252,3 +252,22 @@ def test_cycles_with_gaps_are_named_up_to_eight(n):
     )
     few = int(GAP_CYCLES_LIMIT * 20)
     assert judge_losses(losses(0), cycles(*[worst] * few, *[0] * (20 - few))).reasons == ()
+
+
+@pytest.mark.parametrize(
+    ("numbers", "received", "lost", "duplicates"),
+    [
+        ([1, 2, 3], 4, 0, 0),
+        ([1, 1, 3], 3, 1, 1),  # as many as the last number tells, but not one after the other
+        ([0, 1, 3], 3, 1, 1),
+        ([1, 3, 3], 3, 1, 1),
+        ([1], 2, 0, 0),
+        ([0], 1, 0, 1),
+    ],
+)
+def test_samples_count_on_only_where_each_follows_the_one_before(numbers, received, lost, duplicates):
+    ledger = LossLedger()
+    ledger.feed(np.array([0]))
+    ledger.feed(np.array(numbers))
+    report = ledger.report()
+    assert (report.received, report.lost, report.duplicates) == (received, lost, duplicates)
