@@ -290,6 +290,8 @@ def _chosen(series: OrientationSeries, choice: EndpointChoice, max_gap: float) -
             _endpoint(series, sample.index, sample.time_s, np.array(sample.quat_wxyz), reason=choice.reason(k))
             for k, sample in enumerate(samples)
         )
+    if not len(series):
+        raise SeriesError("the recording has no samples to choose end points in")
     points = []
     # A time between samples further apart is refused: interpolating there was wrong by up to 1.66°.
     usual_s = float(np.median(np.diff(choice.values))) if len(choice.values) > 1 else float("inf")

@@ -1,9 +1,11 @@
 """End points chosen by a person: on the command line and in a CSV."""
 
+import numpy as np
 import pytest
 
 from analysis.scoring.choice import EndpointChoice, load_endpoints, parse_endpoints
-from analysis.series import ReaderError
+from analysis.scoring.trial import score_series
+from analysis.series import OrientationSeries, ReaderError, SeriesError
 
 
 def test_rows_and_times_on_the_command_line():
@@ -84,3 +86,12 @@ def test_a_choice_checks_itself():
         EndpointChoice("line", (1.0,))
     with pytest.raises(ReaderError, match="2 reasons do not fit 1"):
         EndpointChoice("row", (1.0,), ("a", "b"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"), [("time_s", "no samples to choose end points in"), ("index", "there is no sequence 1")]
+)
+def test_in_a_recording_without_samples_no_end_point_can_be_chosen(kind, message):
+    empty = OrientationSeries(np.empty(0), np.empty((0, 4)), np.empty(0, np.int64), "sequence", source="empty.mcap")
+    with pytest.raises(SeriesError, match=message):
+        score_series(empty, endpoints=EndpointChoice(kind, (1.0, 2.0)))
