@@ -380,12 +380,20 @@ def run_failing(monkeypatch, does, *words):
 
 
 def made(kind):
-    for arguments in ((HOSTILE,), (HOSTILE, HOSTILE), (5, HOSTILE, HOSTILE), (ValueError(HOSTILE),), ()):
+    for arguments in (
+        (HOSTILE,),
+        (HOSTILE, HOSTILE),
+        (HOSTILE, HOSTILE, (HOSTILE,)),
+        (5, HOSTILE, HOSTILE),
+        (ValueError(HOSTILE),),
+        (),
+    ):
         try:
             error = kind(*arguments)
+            text = str(error)  # where the arguments do not fit, it may be none
         except (TypeError, ValueError):
             continue
-        if HOSTILE in str(error) or HOSTILE in repr(error):
+        if HOSTILE in text or HOSTILE in repr(error):
             return error
     return None
 

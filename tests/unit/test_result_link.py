@@ -38,8 +38,9 @@ def traffic(n=2000, **about):
     return timed(object_at(NODE), sample_packets(n, **about), MS, MONOTONIC_NS)
 
 
-def chunks_of(frames):
-    return [FrameChunk(pack_frames([frame]), frame.host_time_ns) for frame in frames]
+def chunks_of(frames, at_once=1):
+    groups = [frames[first : first + at_once] for first in range(0, len(frames), at_once)]
+    return [FrameChunk(pack_frames(group), group[-1].host_time_ns) for group in groups]
 
 
 def with_strangers(*strangers):
@@ -56,13 +57,13 @@ def without_time_frames():
 def with_a_loss_seen_too_late():
     """Return traffic with 256 samples lost in a silence too short to be suspected.
 
-    The eight bits of the counter fit as if nothing were missing. A recording is decoded a quarter of a second at a
-    time, and the third quarter ends nine samples behind the silence, before the next TIME frame.
+    The eight bits of the counter fit as if nothing were missing, and the frames come ten at a time: 54 samples lie
+    between the silence and the next TIME frame.
     """
     frames = traffic()
     rows = sample_rows(frames)
     later = [replace(frame, host_time_ns=frame.host_time_ns - 156 * MS) for frame in frames[rows[900] :]]
-    return chunks_of(frames[: rows[644]] + later)
+    return chunks_of(frames[: rows[644]] + later, at_once=10)
 
 
 def of_two_objects():
@@ -81,7 +82,7 @@ def of_ours(function, data, node=NODE, flags=0):
 
 ON_THE_BUS = {
     "unnumbered": (without_time_frames, 2000),
-    "misnumbered": (with_a_loss_seen_too_late, 9),
+    "misnumbered": (with_a_loss_seen_too_late, 54),
     "damaged_batches": (with_a_damaged_batch, 1),
     "refused": (of_two_objects, None),
     "wrong_lengths": (lambda: with_strangers(of_ours(CanFunction.TIME, bytes(3))), 1),

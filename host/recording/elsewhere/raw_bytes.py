@@ -15,11 +15,14 @@ from firmware_protocol.items import StreamCounters
 from firmware_protocol.serial.decoder import StreamDecoder
 from host.errors import FileError
 from host.links.transport import MAX_CHUNK_BYTES, Chunk
+from host.recording.format import RECEIVED
 from host.recording.load import RecordedTrial, assemble
 
 MIN_PACKETS = 3
 """So many packets with sound checksums, at the start of a file, are no accident: one in 2^32 is, for random bytes."""
 HEAD_BYTES = 65_536
+RECORDING_MARKS = (b"MCAP", RECEIVED.encode(), b"ros2msg")
+"""A recording whose start is damaged holds the same bytes, with times that must not be thrown away in silence."""
 NO_TIMES = (
     "the file holds the bytes of a link without times of arrival: the object's clock alone places the samples, and a "
     "pause while the object restarted is not known"
@@ -28,7 +31,10 @@ NO_TIMES = (
 
 def is_raw_wire(head: bytes) -> bool:
     """Return whether a file holds bytes of our serial wire, by its first bytes, whatever stands before them."""
-    return b"\0" in head[:HEAD_BYTES] and _n_packets(head[:HEAD_BYTES]) >= MIN_PACKETS
+    head = head[:HEAD_BYTES]
+    if any(mark in head for mark in RECORDING_MARKS):
+        return False
+    return b"\0" in head and _n_packets(head) >= MIN_PACKETS
 
 
 def _n_packets(data: bytes) -> int:

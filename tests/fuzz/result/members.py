@@ -6,6 +6,7 @@ sources is judged here by reading the numbers again, without the product's own c
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import functools
 import hashlib
@@ -26,6 +27,7 @@ from host.cards.definitions import parse_cards
 from host.errors import FileError
 from host.links.transport import Chunk
 from host.recording import format as fmt
+from host.submission.archive import BundleError, archive_bytes
 from host.submission.contents import build_submission
 from host.submission.source import Choices, TrialSource
 from host.submission.verification import Verification, verify_bundle
@@ -245,7 +247,9 @@ MUTATIONS: tuple[Callable[[Files, Random], None], ...] = (
 
 
 def zipped(files: Files) -> bytes:
-    """Return files as a zip as the format asks for it, whatever their names; the manifest is one of them."""
+    """Return files as a zip as the format asks for it, the manifest among them; any zip where a name is refused."""
+    with contextlib.suppress(BundleError):
+        return archive_bytes(files)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(files):
