@@ -169,8 +169,8 @@ def check_result(result: Result, trial: RecordedTrial) -> None:
     """Demand of a result, as it was read from its file, that its parts fit each other and the account."""
     losses = result.losses
     assert losses is not None
-    parts = losses.received, losses.lost, losses.rejected, losses.dropped_by_device, losses.damaged_in_file
-    demand(losses.produced == sum(parts), "sum", losses)
+    kinds = losses.received, losses.lost, losses.rejected, losses.dropped_by_device, losses.damaged_in_file
+    demand(losses.produced == sum(kinds) and min(kinds) >= 0, "sum", losses)
     demand(losses.produced == trial.losses.produced, "the result has the account", losses)
     demand(0 <= losses.share <= 1, "share", losses.share)
     for cycle in result.losses_per_cycle or ():
