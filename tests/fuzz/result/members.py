@@ -6,7 +6,6 @@ sources is judged here by reading the numbers again, without the product's own c
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import functools
 import hashlib
@@ -27,7 +26,6 @@ from host.cards.definitions import parse_cards
 from host.errors import FileError
 from host.links.transport import Chunk
 from host.recording import format as fmt
-from host.submission.archive import BundleError, archive_bytes
 from host.submission.contents import build_submission
 from host.submission.source import Choices, TrialSource
 from host.submission.verification import Verification, verify_bundle
