@@ -128,7 +128,7 @@ def host_times_years_apart(folder: Path) -> Path:
 
 
 def host_times_at_the_end_of_time(folder: Path) -> Path:
-    chunks = samples(2000, lambda k: 2**63 - 1 if k >= 1000 else MONOTONIC_NS + 5_000_000 * k)
+    chunks = samples(2000, lambda k: 2**62 - 1 if k >= 1000 else MONOTONIC_NS + 5_000_000 * k)
     return write_recording(folder / "trial.mcap", chunks)
 
 
