@@ -420,7 +420,7 @@ def blf_container(folder: Path) -> Path:
 
 def candump_times_a_century_apart(folder: Path) -> Path:
     path = folder / "log.log"
-    path.write_text("".join(f"({k * 10**8 + 1}.000000) can0 183#0011223344556677\n" for k in range(2000)))
+    path.write_text("".join(f"({k * 10**9 + 1}.000000) can0 183#0011223344556677\n" for k in range(2000)))
     return path
 
 

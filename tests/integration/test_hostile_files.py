@@ -20,15 +20,15 @@ MIB = 2**20
 IN_PROCESS_BYTES = 320 * MIB
 """Nothing that a hostile file makes the process itself hold is near this; what it imports takes 90 to 250 MiB."""
 WORDS = {
-    made.gz: "is not text",
-    made.zst: "is not text",
-    made.zst_claim: "is not text",
-    made.ros2_mcap_of_zstd: "of memory",
-    made.ros2_mcap_of_lz4: "of memory",
+    made.gz: "is packed",
+    made.zst: "is packed",
+    made.zst_claim: "is packed",
+    made.ros2_mcap_of_zstd: "at most 268435456 are read",
+    made.ros2_mcap_of_lz4: "at most 268435456 are read",
     made.ros1_chunk_of_bz2: "of memory",
     made.ros1_chunk_of_lz4: "of memory",
     made.ros2_blob_that_is_computed: "too big",
-    made.ros2_aliases: "cannot be read",
+    made.ros2_aliases: "is damaged or cut off",
     made.parquet_of_one_value: "of memory",
     made.parquet_that_claims_rows: "more than 20 million samples",
     made.blf_container: "of memory",
