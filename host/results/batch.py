@@ -23,6 +23,8 @@ from host.results.result import ScoreOptions
 SUFFIXES = frozenset({".bag", ".csv", ".mcap", ".parquet", ".pq", ".sto", ".tsv", ".tum", ".txt"})
 """What counts as a recording in a folder; the format itself is recognised from the content."""
 MAX_FILES = 10_000
+MAX_SESSIONS = 50
+"""Of one file that are scored one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +168,11 @@ def score_rows(path: Path, options: ScoreOptions | None, reading: ReadOptions | 
     except SeveralInFileError as error:
         if error.kind != "session":
             return (BatchRow(path, None, str(error), error.exit_code),)
+        if len(error.names) > MAX_SESSIONS:  # each reads the file again
+            message = (
+                f"{path.name} holds {len(error.names)} sessions, more than {MAX_SESSIONS}: choose one with --session"
+            )
+            return (BatchRow(path, None, message, error.exit_code),)
         reading = reading or ReadOptions()
         found: list[BatchRow] = []
         for session in range(1, len(error.names) + 1):

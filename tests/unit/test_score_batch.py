@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from host.results import batch
+from host.results.any_file import SeveralInFileError
 from tests.waiting import HANG_S
 
 
@@ -51,3 +52,15 @@ def test_a_process_that_is_killed_costs_one_file(monkeypatch):
     assert sorted(told, key=lambda row: str(row.path)) == sorted(rows, key=lambda row: str(row.path))
     assert [row.exit_code for row in rows] == [0, 4, 0, 0, 0]
     assert "was killed" in rows[1].error
+
+
+def test_of_more_sessions_than_make_sense_one_is_to_be_chosen(tmp_path, monkeypatch):
+    names = [str(number) for number in range(1, 52)]
+
+    def several(path, *_):
+        raise SeveralInFileError(f"{path.name} holds sessions", "session", tuple(names))
+
+    monkeypatch.setattr(batch, "score_recording", several)
+    (row,) = batch.score_rows(tmp_path / "log.asc", None, None)
+    assert row.result is None
+    assert row.error == "log.asc holds 51 sessions, more than 50: choose one with --session"
