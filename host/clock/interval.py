@@ -151,6 +151,8 @@ def _centres(first: int, last: int, step: int, points: IntArray) -> IntArray:
 
     A window without points bounds nothing, and a clock that was set in between makes billions of them.
     """
+    if last <= first:  # one chunk, or a clock that ran back
+        return np.array([first])
     n = (last - first) // step + 1
     if n <= 4 * len(points) + _FEW_WINDOWS:
         return np.arange(first, last + 1, step)

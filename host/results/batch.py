@@ -140,9 +140,10 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         yield pool
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
-        for process in set(active_children()) - others:
-            process.terminate()
-            process.join()
+        while left := set(active_children()) - others:
+            for process in left:
+                process.kill()  # one that is still starting may not heed a request to end
+                process.join()
         raise
     finally:
         pool.shutdown()
