@@ -28,7 +28,6 @@ WORDS = {
     made.ros1_chunk_of_bz2: "of memory",
     made.ros1_chunk_of_lz4: "of memory",
     made.ros2_blob_that_is_computed: "too big",
-    made.ros2_aliases: "is damaged or cut off",
     made.parquet_of_one_value: "of memory",
     made.parquet_that_claims_rows: "more than 20 million samples",
     made.blf_container: "of memory",
