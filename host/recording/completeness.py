@@ -28,6 +28,7 @@ IntArray = npt.NDArray[np.int64]
 
 FARTHEST = 1_000_000
 """A number farther from the one before is damaged itself: nothing of what it leaves out is counted."""
+_PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError)
 _FOOTER_BYTES = FRAME.size + ENDINGS[Opcode.FOOTER]
 
 
@@ -142,7 +143,7 @@ class Completeness:
         elif kind == Opcode.STATISTICS and self.checksums.ended:
             try:
                 self._stated = Statistics.read(ReadDataStream(io.BytesIO(body))).channel_message_counts
-            except (McapError, struct.error, EOFError):
+            except _PARSE_ERRORS:
                 self._stated = None
 
     def sentences(self, topics: Mapping[int, str]) -> list[str]:
@@ -207,8 +208,11 @@ def stated_counts(path: Path) -> dict[int, int]:
     while at + FRAME.size <= len(summary) - _FOOTER_BYTES:
         kind, length = FRAME.unpack_from(summary, at)
         if kind == Opcode.STATISTICS:
-            found = Statistics.read(ReadDataStream(io.BytesIO(summary[at + FRAME.size : at + FRAME.size + length])))
-            return dict(found.channel_message_counts)
+            body = io.BytesIO(summary[at + FRAME.size : at + FRAME.size + length])
+            try:
+                return dict(Statistics.read(ReadDataStream(body)).channel_message_counts)
+            except _PARSE_ERRORS:  # under a right checksum, but not what it should be
+                return {}
         at += FRAME.size + length
     return {}
 
