@@ -52,8 +52,10 @@ class Gap:
 
 
 def shortened(name: str, cycles: int) -> Scenario:
-    """Return a shipped scenario with so many cycles; its faults stay where they are."""
+    """Return a shipped scenario with so many cycles, and its slip among them; its faults stay where they are."""
     scenario = load_scenario(name)
+    if scenario.drift.mode == "slip":
+        cycles = max(cycles, scenario.drift.slip_cycle + 1)
     return replace(scenario, motion=replace(scenario.motion, cycles=min(cycles, scenario.motion.cycles)))
 
 
