@@ -9,24 +9,9 @@ import pytest
 from emulator.faults.definitions import FaultSettings, TimedFault
 from host.recording.load import assemble
 from host.results.parts import losses_per_cycle
+from tests.ledger_sessions import DAMAGE, RATES
 from tests.recorded_trials import scenario
 from tests.wire_oracle import watched_trial
-
-RATES = {
-    "drop_probability": 0.1,
-    "duplicate_probability": 0.05,
-    "reorder_probability": 0.05,
-    "zero_quaternion_probability": 0.02,
-    "wrong_norm_probability": 0.02,
-    "sign_flip_probability": 0.3,
-    "command_loss_probability": 0.2,
-}
-DAMAGE = {
-    "bit_error_rate": 5e-4,
-    "burst_probability": 0.02,
-    "truncate_probability": 0.02,
-    "garbage_probability": 0.02,
-}
 
 
 def random_faults(rng, kind):
